@@ -1,0 +1,239 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The map of the road: a grey raster with a resolution and an origin.
+
+Metres become cells here and nowhere else. Row 0 of the array is the top of the image (largest
+y of the grid); the origin is the pose, in the map frame, of the lower-left corner of the
+lower-left cell (nav2 map_server), and cell centres lie half a cell inside.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gip_localizer.core.pose import Pose2
+from gip_localizer.errors import MapError
+
+Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+
+WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0, np.dtype(np.float32): 1.0}
+
+
+@dataclass(frozen=True, eq=False)
+class RasterMap:
+    """
+    A grey map in a map frame.
+
+    Attributes
+    ----------
+    grey : (rows, cols) uint8, uint16 or float32
+        Brightness; full scale (255, 65535 or 1.0) is white.
+    resolution : float
+        Side of a cell, metres.
+    origin : Pose2
+        Pose of the lower-left corner of the lower-left cell in the map frame.
+    valid : (rows, cols) bool or None
+        Cells that hold data; None: all.
+
+    Raises
+    ------
+    MapError
+        Empty array, unknown dtype, or a resolution that is not positive.
+
+    """
+
+    grey: NDArray[np.generic]
+    resolution: float
+    origin: Pose2 = Pose2(0.0, 0.0, 0.0)
+    valid: Bools | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be a map."""
+        if self.grey.ndim != 2 or self.grey.size == 0 or self.grey.dtype not in WHITE:
+            raise MapError(
+                f'map array has shape {self.grey.shape} and type {self.grey.dtype}; '
+                'expected rows x columns of uint8, uint16 or float32'
+            )
+        if not (math.isfinite(self.resolution) and self.resolution > 0.0):
+            raise MapError(f'map resolution is {self.resolution}; expected metres per cell > 0')
+        if not self.origin.is_finite():
+            raise MapError(f'map origin is {tuple(self.origin)}; expected finite x, y, yaw')
+        if self.valid is not None and self.valid.shape != self.grey.shape:
+            raise MapError(
+                f'map mask has shape {self.valid.shape}, the map {self.grey.shape}'
+            )
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Width and height of the grid, metres."""
+        rows, cols = self.grey.shape
+        return cols * self.resolution, rows * self.resolution
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Least x, least y, largest x, largest y of the grid's corners in the map frame."""
+        width, height = self.size_m
+        corners = self.origin.transform(
+            np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
+        )
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    def to_cell(self, xy_map: Floats) -> Floats:
+        """Fractional (..., 2) row and column of map points; cell centres are integers."""
+        local = self.origin.inverse().transform(xy_map)
+        rows = self.grey.shape[0]
+        row = rows - 0.5 - local[..., 1] / self.resolution
+        col = local[..., 0] / self.resolution - 0.5
+        return np.stack([row, col], axis=-1)
+
+    def to_map(self, rc: Floats) -> Floats:
+        """Map points (..., 2) of fractional rows and columns; the inverse of `to_cell`."""
+        rc = np.asarray(rc, float)
+        rows = self.grey.shape[0]
+        local = np.stack([rc[..., 1] + 0.5, rows - 0.5 - rc[..., 0]], axis=-1) * self.resolution
+        return self.origin.transform(local)
+
+    def contains(self, xy_map: Floats) -> Bools:
+        """Tell which (..., 2) map points lie on the grid (data or not)."""
+        rc = self.to_cell(np.asarray(xy_map, float)) + 0.5
+        rows, cols = self.grey.shape
+        inside: Bools = (
+            (rc[..., 0] >= 0) & (rc[..., 0] < rows) & (rc[..., 1] >= 0) & (rc[..., 1] < cols)
+        )
+        return inside
+
+    def crop(self, xy_map: Floats, *, margin: float, cell: float) -> RasterMap | None:
+        """
+        The part of the map around some points, as float32, smoothed for a cell size.
+
+        Parameters
+        ----------
+        xy_map : (n, 2) float64
+            Points of the map frame that the crop must hold.
+        margin : float
+            Metres to add on every side.
+        cell : float
+            Side of the cells (m) that will be compared with it. Where these are larger than
+            the map's own, the map is smoothed (second moment of the box matched), and
+            decimated when they are more than twice as large.
+
+        Returns
+        -------
+        RasterMap or None
+            None where the points lie off the map altogether.
+
+        """
+        rc = self.to_cell(xy_map)
+        pad = margin / self.resolution + 3.0 * max(cell / self.resolution, 1.0)
+        low = np.floor(rc.min(axis=0) - pad).astype(int)
+        high = np.ceil(rc.max(axis=0) + pad).astype(int) + 1
+        step = max(int(cell / self.resolution / 2.0 + 1e-9), 1)
+        shape = np.array(self.grey.shape)
+        low, high = np.clip(low, 0, shape), np.clip(high, 0, shape)
+        high -= (high - low) % step
+        if np.any(high - low < max(step, 2)):
+            return None
+        return self._cut(low, high, step, cell)
+
+    def _cut(self, low: NDArray[np.int_], high: NDArray[np.int_], step: int,
+             cell: float) -> RasterMap:
+        part = (slice(low[0], high[0]), slice(low[1], high[1]))
+        values = np.asarray(self.grey[part], np.float32) / np.float32(WHITE[self.grey.dtype])
+        valid = None if self.valid is None else np.asarray(self.valid[part])
+        if valid is not None and valid.all():
+            valid = None
+        resolution = self.resolution * step
+        corner = self.to_map(np.array([high[0] - 0.5, low[1] - 0.5]))
+        if step > 1:
+            values, valid = _joined(values, valid, step)
+        values, valid = _smoothed(values, valid, cell / resolution)
+        origin = Pose2(float(corner[0]), float(corner[1]), self.origin.yaw)
+        return RasterMap(values, resolution, origin, valid)
+
+    def sample(self, xy_map: Floats) -> tuple[Floats32, Bools]:
+        """
+        Grey at map points, bilinear between cell centres.
+
+        Parameters
+        ----------
+        xy_map : (n, 2) float64
+            Metres in the map frame.
+
+        Returns
+        -------
+        values : (n,) float32
+            In [0, 1]; 0 where not valid.
+        valid : (n,) bool
+            On the grid and all of the cells that contribute hold data.
+
+        """
+        values, _, valid = self.sample_with_gradient(xy_map)
+        return values, valid
+
+    def sample_with_gradient(self, xy_map: Floats) -> tuple[Floats32, Floats32, Bools]:
+        """Grey (n,), its gradient (n, 2) per metre in the map frame, and valid (n,)."""
+        rows, cols = self.grey.shape
+        rc = self.to_cell(np.asarray(xy_map, float))
+        row, col = rc[:, 0], rc[:, 1]
+        inside = (row >= -0.5) & (row <= rows - 0.5) & (col >= -0.5) & (col <= cols - 0.5)
+        row = np.where(inside, np.clip(row, 0.0, rows - 1.0), 0.0)
+        col = np.where(inside, np.clip(col, 0.0, cols - 1.0), 0.0)
+        r0 = np.minimum(row.astype(np.intp), max(rows - 2, 0))
+        c0 = np.minimum(col.astype(np.intp), max(cols - 2, 0))
+        fr, fc = (row - r0).astype(np.float32), (col - c0).astype(np.float32)
+        right, down = (1 if cols > 1 else 0), (cols if rows > 1 else 0)
+        index = r0 * cols + c0
+        flat = self.grey.reshape(-1)
+        corners = [flat[index + k].astype(np.float32) for k in (0, right, down, down + right)]
+        a, b, c, d = corners
+        top, bottom = a + fc * (b - a), c + fc * (d - c)
+        scale = np.float32(1.0 / WHITE[self.grey.dtype])
+        values = (top + fr * (bottom - top)) * scale
+        along_col = ((b - a) * (1 - fr) + (d - c) * fr) * (scale / np.float32(self.resolution))
+        along_row = (bottom - top) * (scale / np.float32(self.resolution))
+        if self.valid is not None:
+            known = self.valid.reshape(-1)
+            inside &= known[index] & known[index + right] & known[index + down] & (
+                known[index + down + right]
+            )
+        cy, sy = np.float32(math.cos(self.origin.yaw)), np.float32(math.sin(self.origin.yaw))
+        gradient = np.stack(
+            [cy * along_col + sy * along_row, sy * along_col - cy * along_row], axis=1
+        )
+        values[~inside] = 0.0
+        gradient[~inside] = 0.0
+        return values, gradient, inside
+
+
+def _joined(values: Floats32, valid: Bools | None, step: int) -> tuple[Floats32, Bools | None]:
+    """Average step x step cells into one; it is valid where all of them are."""
+    rows, cols = values.shape[0] // step, values.shape[1] // step
+    size = (cols, rows)
+    joined = cv2.resize(values, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    if valid is None:
+        return joined, None
+    share = cv2.resize(valid.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    return joined, share > 0.999
+
+
+def _smoothed(values: Floats32, valid: Bools | None,
+              ratio: float) -> tuple[Floats32, Bools | None]:
+    """Smooth so that bilinear sampling has the second moment of a box of `ratio` cells."""
+    if ratio <= 1.05:
+        return values, valid
+    sigma = math.sqrt((ratio**2 - 1.0) / 12.0)
+    if valid is None:
+        return cv2.GaussianBlur(values, (0, 0), sigma).astype(np.float32), None
+    share = cv2.GaussianBlur(valid.astype(np.float32), (0, 0), sigma)
+    known = cv2.GaussianBlur(np.where(valid, values, np.float32(0.0)), (0, 0), sigma)
+    return (known / np.maximum(share, 1e-6)).astype(np.float32), valid & (share > 0.5)

@@ -1,0 +1,175 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Maps on disk: a nav2 map_server YAML beside an image (8 or 16 bit, alpha 0 is no data)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+import os
+from pathlib import Path
+import tempfile
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+import yaml
+
+from gip_localizer.core.pose import Pose2
+from gip_localizer.core.raster_map import WHITE, RasterMap
+from gip_localizer.errors import MapError, OutputError
+
+REQUIRED = ('image', 'resolution', 'origin')
+
+
+def load_map(path: Path | str) -> RasterMap:
+    """
+    Read a map YAML and its image.
+
+    Parameters
+    ----------
+    path : Path or str
+        The YAML file; the image's path in it is relative to the file.
+
+    Returns
+    -------
+    RasterMap
+        At the image's full depth; inverted when `negate` is 1.
+
+    Raises
+    ------
+    MapError
+        Missing or unreadable file, missing key, wrong type, resolution not positive.
+
+    """
+    path = Path(path)
+    settings = _settings(path)
+    resolution = _number(path, 'resolution', settings['resolution'])
+    if resolution <= 0.0:
+        raise MapError(f'map {path}: resolution is {resolution}; expected metres per cell > 0')
+    origin = settings['origin']
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise MapError(f'map {path}: origin is {origin!r}; expected [x, y, yaw]')
+    x, y, yaw = (_number(path, 'origin', value) for value in origin)
+    negate = settings.get('negate', 0)
+    if negate not in (0, 1, False, True):
+        raise MapError(f'map {path}: negate is {negate!r}; expected 0 or 1')
+    if not isinstance(settings['image'], str):
+        raise MapError(f'map {path}: image is {settings["image"]!r}; expected a file name')
+    grey, valid = _read_image(path, path.parent / settings['image'])
+    if negate:
+        grey = (WHITE[grey.dtype] - grey).astype(grey.dtype)
+    return RasterMap(grey, resolution, Pose2(x, y, yaw), valid)
+
+
+def save_map(raster_map: RasterMap, path: Path | str, *, force: bool = False) -> None:
+    """
+    Write a map as YAML and a PNG of the same name beside it.
+
+    Parameters
+    ----------
+    raster_map : RasterMap
+        float32 maps are written with 16 bits.
+    path : Path or str
+        The YAML file to write.
+    force : bool
+        True: replace existing files.
+
+    Raises
+    ------
+    OutputError
+        The files exist, or cannot be written; nothing is left half-written.
+
+    """
+    path = Path(path)
+    picture = path.with_suffix('.png')
+    for file in (path, picture):
+        if file.exists() and not force:
+            raise OutputError(f'{file} exists already, not overwritten; pass another name')
+    origin = [float(value) for value in raster_map.origin]
+    text = yaml.safe_dump(
+        {'image': picture.name, 'resolution': float(raster_map.resolution), 'origin': origin,
+         'negate': 0, 'occupied_thresh': 0.65, 'free_thresh': 0.196},
+        sort_keys=False, default_flow_style=None,
+    )
+    _write_whole(picture, _png(raster_map))
+    _write_whole(path, text.encode())
+
+
+def _settings(path: Path) -> Mapping[str, Any]:
+    try:
+        settings = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError) as error:
+        raise MapError(f'map {path}: cannot be read ({error}); expected a nav2 map YAML') from None
+    except (yaml.YAMLError, RecursionError) as error:
+        raise MapError(f'map {path}: not valid YAML ({error})') from None
+    if not isinstance(settings, dict):
+        raise MapError(f'map {path}: expected the keys {", ".join(REQUIRED)}')
+    missing = [key for key in REQUIRED if key not in settings]
+    if missing:
+        raise MapError(
+            f'map {path}: no {", ".join(missing)}; found {", ".join(map(str, settings)) or "none"}'
+        )
+    return settings
+
+
+def _number(path: Path, key: str, value: object) -> float:
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value):  # type: ignore[arg-type]
+        raise MapError(f'map {path}: {key} holds {value!r}; expected a finite number')
+    return float(value)  # type: ignore[arg-type]
+
+
+def _read_image(
+    path: Path, image: Path
+) -> tuple[NDArray[np.generic], NDArray[np.bool_] | None]:
+    if not image.is_file():
+        raise MapError(f'map {path}: its image {image} does not exist')
+    try:
+        pixels = cv2.imread(str(image), cv2.IMREAD_UNCHANGED)
+    except (cv2.error, MemoryError) as error:
+        raise MapError(f'map {path}: its image {image} cannot be read ({error})') from None
+    if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
+        raise MapError(
+            f'map {path}: its image {image} cannot be read; expected an 8 or 16 bit image, '
+            'for example PNG or PGM'
+        )
+    pixels = np.asarray(pixels)
+    if pixels.ndim == 2:
+        return pixels, None
+    valid = None
+    if pixels.shape[2] in (2, 4):
+        valid = pixels[:, :, -1] > 0
+    if pixels.shape[2] >= 3:
+        grey = cv2.cvtColor(np.ascontiguousarray(pixels[:, :, :3]), cv2.COLOR_BGR2GRAY)
+    else:
+        grey = np.ascontiguousarray(pixels[:, :, 0])
+    return np.asarray(grey), None if valid is None or valid.all() else valid
+
+
+def _png(raster_map: RasterMap) -> bytes:
+    grey = raster_map.grey
+    if grey.dtype == np.float32:
+        grey = np.round(np.clip(grey, 0.0, 1.0) * 65535.0).astype(np.uint16)
+    pixels = grey
+    if raster_map.valid is not None:
+        alpha = np.where(raster_map.valid, np.iinfo(grey.dtype).max, 0).astype(grey.dtype)
+        pixels = np.dstack([grey, grey, grey, alpha])
+    done, encoded = cv2.imencode('.png', np.ascontiguousarray(pixels))
+    if not done:
+        raise OutputError('the map image could not be encoded as PNG')
+    return bytes(encoded)
+
+
+def _write_whole(path: Path, content: bytes) -> None:
+    """Write a file by renaming a finished one, so that no half of it can remain."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f'.{path.name}.')
+        with os.fdopen(handle, 'wb') as stream:
+            stream.write(content)
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except OSError as error:
+        raise OutputError(f'{path}: cannot be written ({error})') from None

@@ -1,0 +1,236 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Every tunable of the localizer, once: default, unit, bounds and meaning.
+
+From here come the node's declarations, `config/localizer.yaml`, the README's table and the
+command line's `--set`. A new parameter is one line here and `make params`.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from pathlib import Path
+
+from gip_localizer.errors import ParameterError
+from gip_localizer.parameter_specs import ParameterGroup, dump_ros_yaml, group, load_ros_yaml
+from gip_localizer.parameter_specs import parameter as p
+
+METRICS = ('gip', 'gip_normalized', 'euclidean', 'euclidean_normalized')
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Names of the coordinate frames (REP 105)."""
+
+    map: str = p('map', 'Frame of the map and of the published poses.', read_only=True)
+    odom: str = p('odom', 'Frame of the odometry.', read_only=True)
+    base: str = p('base_link', 'Frame of the vehicle, on the road under it.', read_only=True)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Pose of the camera in the base frame, and what its images are."""
+
+    x: float = p(0.0, 'Camera position ahead of base_link.', unit='m', low=-50.0, high=50.0)
+    y: float = p(0.0, 'Camera position left of base_link.', unit='m', low=-50.0, high=50.0)
+    z: float = p(1.5, 'Camera height above the road.', unit='m', low=0.01, high=100.0)
+    roll: float = p(0.0, 'Rotation about the forward axis.', unit='rad', low=-3.2, high=3.2)
+    pitch: float = p(
+        math.radians(15.0), 'Rotation about the left axis; nose down is positive.',
+        unit='rad', low=-1.6, high=1.6,
+    )
+    yaw: float = p(0.0, 'Rotation about the up axis.', unit='rad', low=-3.2, high=3.2)
+    rectified: bool = p(
+        False, 'True: the images are rectified already (use P, no distortion); false: raw (K, D).'
+    )
+
+
+@dataclass(frozen=True)
+class InitialPose:
+    """Where to start without an `initialpose` message."""
+
+    set: bool = p(False, 'Take the pose below as the first prior.', read_only=True)
+    x: float = p(0.0, 'Position in the map frame.', unit='m', low=-1e7, high=1e7, read_only=True)
+    y: float = p(0.0, 'Position in the map frame.', unit='m', low=-1e7, high=1e7, read_only=True)
+    yaw: float = p(0.0, 'Heading in the map frame.', unit='rad', low=-7.0, high=7.0,
+                   read_only=True)
+    sigma_xy: float = p(0.3, 'Standard deviation of x and of y.', unit='m', low=1e-3, high=1e3,
+                        read_only=True)
+    sigma_yaw: float = p(0.03, 'Standard deviation of the heading.', unit='rad', low=1e-4,
+                         high=3.2, read_only=True)
+
+
+@dataclass(frozen=True)
+class Birdseye:
+    """The patch of road that is matched, in the base frame."""
+
+    near: float = p(2.5, 'Nearest edge ahead of base_link.', unit='m', low=-100.0, high=200.0)
+    far: float = p(12.5, 'Farthest edge ahead of base_link.', unit='m', low=-100.0, high=200.0)
+    half_width: float = p(4.0, 'Half of the width, left and right.', unit='m', low=0.05,
+                          high=100.0)
+    resolution: float = p(0.05, 'Side of a cell.', unit='m', low=0.001, high=2.0)
+
+
+@dataclass(frozen=True)
+class Search:
+    """The window of candidates around the prior."""
+
+    x: float = p(0.75, 'Half-width ahead and behind.', unit='m', low=0.0, high=1000.0)
+    y: float = p(0.75, 'Half-width left and right.', unit='m', low=0.0, high=1000.0)
+    yaw: float = p(0.07, 'Half-width in heading.', unit='rad', low=0.0, high=3.1416)
+    yaw_step: float = p(0.00875, 'Step in heading.', unit='rad', low=1e-4, high=0.5)
+
+
+@dataclass(frozen=True)
+class Score:
+    """How a candidate is scored."""
+
+    metric: str = p(
+        'gip_normalized',
+        'Norm: gip (Gramian-weighted), gip_normalized (gain and offset profiled out), '
+        'euclidean and euclidean_normalized (equal weights, the baselines).',
+        choices=METRICS,
+    )
+    min_overlap: float = p(
+        0.5, 'Least share of the weight that must fall on known map cells.', low=0.05, high=1.0
+    )
+    pixel_noise: float = p(
+        0.0, 'Noise of a pixel, grey levels of [0, 1]; 0: estimated from each frame.',
+        low=0.0, high=1.0,
+    )
+    map_noise: float = p(
+        0.02, 'Noise of a map cell that no footprint averages away, grey levels of [0, 1].',
+        low=0.0, high=1.0,
+    )
+    robust: bool = p(True, 'Down-weight cells that disagree with the map (cars, shadows).')
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What the vehicle may do between frames, and how odometry is trusted."""
+
+    sigma_xy_per_m: float = p(0.05, 'Odometry drift per metre driven.', unit='m/m', low=0.0,
+                              high=1.0)
+    sigma_yaw_per_m: float = p(0.005, 'Odometry drift in heading per metre driven.',
+                               unit='rad/m', low=0.0, high=1.0)
+    sigma_xy_per_s: float = p(0.05, 'Growth of the position uncertainty with time.',
+                              unit='m/s', low=0.0, high=100.0)
+    sigma_yaw_per_s: float = p(0.01, 'Growth of the heading uncertainty with time.',
+                               unit='rad/s', low=0.0, high=10.0)
+    max_gap: float = p(0.5, 'Longest gap of odometry that is bridged.', unit='s', low=0.01,
+                       high=60.0)
+    max_speed: float = p(70.0, 'Faster motion is a jump, and refused.', unit='m/s', low=0.1,
+                         high=400.0)
+    fuse: bool = p(True, 'Fuse each match with the prediction; false: publish the match alone.')
+
+
+@dataclass(frozen=True)
+class CameraMotion:
+    """How far the suspension moves the camera from its calibration."""
+
+    sigma_pitch: float = p(0.002, 'Pitch about its calibrated value; 0: fixed.', unit='rad',
+                           low=0.0, high=0.1)
+    sigma_roll: float = p(0.001, 'Roll about its calibrated value; 0: fixed.', unit='rad',
+                          low=0.0, high=0.1)
+    sigma_height: float = p(0.003, 'Height about its calibrated value; 0: fixed.', unit='m',
+                            low=0.0, high=0.5)
+
+
+@dataclass(frozen=True)
+class Integrity:
+    """When a match is not believed."""
+
+    min_correlation: float = p(
+        0.25, 'Least weighted correlation between view and map at the match.', low=0.0, high=1.0
+    )
+    min_peak_ratio: float = p(
+        1.1, 'Least ratio of the second-best mode\'s residual to the best one\'s.', low=1.0,
+        high=100.0,
+    )
+    min_contrast: float = p(
+        0.004, 'Least weighted standard deviation of the view, grey levels of [0, 1].', low=0.0,
+        high=1.0,
+    )
+    max_sigma_xy: float = p(0.5, 'Largest standard deviation that is published.', unit='m',
+                            low=1e-3, high=100.0)
+    max_sigma_yaw: float = p(0.05, 'Largest heading standard deviation that is published.',
+                             unit='rad', low=1e-4, high=3.2)
+    lost_after: int = p(5, 'Frames in a row without a fix after which the node is lost.', low=1,
+                        high=10000)
+
+
+@dataclass(frozen=True)
+class Parameters(ParameterGroup):
+    """All parameters of the node `localizer`."""
+
+    map_file: str = p('', 'Map: a nav2 map_server YAML file.', read_only=True)
+    image_transport: str = p(
+        'raw', 'Which image topic is read: image, or image/compressed.',
+        choices=('raw', 'compressed'), read_only=True,
+    )
+    image_reliability: str = p(
+        'best_effort', 'Reliability asked of the camera; reliable cures lost large frames if '
+        'the camera publishes reliably.', choices=('best_effort', 'reliable'), read_only=True,
+    )
+    frames: Frames = group(Frames)
+    camera: Camera = group(Camera)
+    initial_pose: InitialPose = group(InitialPose)
+    birdseye: Birdseye = group(Birdseye)
+    search: Search = group(Search)
+    score: Score = group(Score)
+    motion: Motion = group(Motion)
+    camera_motion: CameraMotion = group(CameraMotion)
+    integrity: Integrity = group(Integrity)
+
+    def check(self) -> None:
+        """Judge what spans several parameters (raises ParameterError)."""
+        view = self.birdseye
+        if view.far - view.near < 2.0 * view.resolution:
+            raise ParameterError(
+                f'birdseye.far ({view.far:g} m) must exceed birdseye.near ({view.near:g} m) '
+                f'by at least two cells of {view.resolution:g} m'
+            )
+        if 2.0 * view.half_width < 2.0 * view.resolution:
+            raise ParameterError('birdseye.half_width must be at least birdseye.resolution')
+        self._check_size()
+
+    def _check_size(self) -> None:
+        view, search = self.birdseye, self.search
+        cells = (view.far - view.near) * 2.0 * view.half_width / view.resolution**2
+        if cells > MAX_VIEW_CELLS:
+            raise ParameterError(
+                f'the bird\'s-eye view would have {cells:.3g} cells, more than '
+                f'{MAX_VIEW_CELLS:.0e}: raise birdseye.resolution or shrink the view'
+            )
+        side = 2.0 / view.resolution
+        candidates = (1.0 + side * search.x) * (1.0 + side * search.y) * (
+            1.0 + 2.0 * search.yaw / search.yaw_step
+        )
+        if candidates > MAX_CANDIDATES:
+            raise ParameterError(
+                f'the search window would have {candidates:.3g} candidates, more than '
+                f'{MAX_CANDIDATES:.0e}: shrink search.x, search.y or search.yaw, or raise '
+                'search.yaw_step or birdseye.resolution'
+            )
+
+
+MAX_VIEW_CELLS = 4e6
+MAX_CANDIDATES = 2e9
+
+
+def load_parameter_file(path: Path | str) -> Parameters:
+    """Read a ROS parameter file (raises ParameterError naming the file and the fault)."""
+    try:
+        return Parameters.from_dict(load_ros_yaml(path))
+    except ParameterError as error:
+        if str(path) in str(error):
+            raise
+        raise ParameterError(f'parameter file {path}: {error}') from None
+
+
+def dump_parameter_file(parameters: Parameters) -> str:
+    """Return the parameters as a ROS parameter file."""
+    return dump_ros_yaml(parameters.to_dict())
