@@ -1,0 +1,60 @@
+# Each verb sets up what it needs on first use; `make help` lists them.
+PYTHON ?= python3
+VENV ?= .venv
+BAG ?= $(firstword $(wildcard bags/*.mcap) $(patsubst %/metadata.yaml,%,$(wildcard bags/*/metadata.yaml)))
+GIP = $(VENV)/bin/gip
+READY = $(VENV)/.ready
+# Results of `make` verbs are replaced by the next run; a folder of your own is not.
+RESULTS = --out $(or $(OUT),results/$@) $(if $(OUT),,--force)
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo replay paper bench params test lint type pytest clean
+
+help: ## list the verbs
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
+
+setup: $(READY) ## make the environment only
+
+$(READY): setup.py
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' || { \
+	  echo 'gip_localizer needs CPython 3.10 to 3.13 (ROS wheels exist for these);' \
+	    '$(PYTHON) is' "$$($(PYTHON) --version 2>&1). Name another: make PYTHON=python3.12 ..."; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { \
+	  echo '$(PYTHON) has no venv module. On Debian and Ubuntu: apt install python3-venv'; exit 1; }
+	@extras=ros,test; \
+	  if $(PYTHON) -c 'import rclpy' 2>/dev/null; then extras=test; fi; \
+	  echo "Setting up $(VENV) with [$$extras] (once; one to three minutes) ..."; \
+	  $(PYTHON) -m venv $(VENV) && \
+	  $(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable ".[$$extras]"
+	@touch $@
+
+demo: $(READY) ## a camera, the node and a judge over DDS (WORLD= RATE= SECONDS= METRIC= OUT=)
+	@$(GIP) demo $(RESULTS) $(if $(WORLD),--world $(WORLD)) $(if $(RATE),--rate $(RATE)) \
+	  $(if $(SECONDS),--seconds $(SECONDS)) $(if $(METRIC),--metric $(METRIC))
+
+replay: $(READY) ## localize a recorded bag (BAG= METRIC= OUT=)
+	@$(GIP) replay $(BAG) $(RESULTS) $(if $(METRIC),--metric $(METRIC))
+
+paper: $(READY) ## the numbers and figures of the paper (OUT=)
+	@$(GIP) paper $(RESULTS)
+
+bench: $(READY) ## timings on this machine (OUT=)
+	@$(GIP) bench $(RESULTS)
+
+params: $(READY) ## write config/*.yaml and the README's parameter table again
+	@$(GIP) params --write .
+
+test: lint type pytest ## everything that must hold
+
+lint: $(READY) ## ruff
+	@$(VENV)/bin/ruff check .
+
+type: $(READY) ## mypy
+	@$(VENV)/bin/mypy
+
+pytest: $(READY) ## the tests alone
+	@$(VENV)/bin/python -m pytest
+
+clean: ## remove the environment, caches and results
+	rm -rf $(VENV) build install log results *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
