@@ -1,0 +1,137 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Estimates beside the truth, one row per frame: the arrays behind metrics and charts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gip_localizer.evaluation.run import FrameResult
+from gip_localizer.io.trajectory import Trajectory
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+WRONG_XY_M = 0.5
+WRONG_YAW_DEG = 2.0
+ELLIPSE_95 = 5.991464547107979  # chi-square, 2 degrees of freedom, 95 %
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorTable:
+    """
+    One row per frame; NaN where there is no pose or no truth.
+
+    Attributes
+    ----------
+    stamps_ns : (n,) int64
+        Image stamps.
+    published : (n,) bool
+        True: a pose went out.
+    poses : (n, 3) float64
+        x, y [m], yaw [rad]: the published poses.
+    truth : (n, 3) float64
+        Truth interpolated at the stamps.
+    body : (n, 3) float64
+        Estimate minus truth: longitudinal, lateral [m] in the true vehicle's axes, yaw [rad].
+    sigma : (n, 3) float64
+        Reported standard deviations on the same axes.
+    nees : (n,) float64
+        eᵀ P⁻¹ e, 3 degrees of freedom.
+    nees_xy : (n,) float64
+        The same for the position alone, 2 degrees of freedom.
+
+    """
+
+    stamps_ns: NDArray[np.int64]
+    published: Bools
+    poses: Floats
+    truth: Floats
+    body: Floats
+    sigma: Floats
+    nees: Floats
+    nees_xy: Floats
+
+    @property
+    def xy(self) -> Floats:
+        """Distance between estimate and truth, (n,) metres."""
+        return np.hypot(self.body[:, 0], self.body[:, 1])
+
+    @property
+    def judged(self) -> Bools:
+        """True where a pose was published and the truth is known, (n,)."""
+        return np.isfinite(self.xy)
+
+    @property
+    def wrong(self) -> Bools:
+        """True where a published pose is off by more than 0.5 m or 2 degrees, (n,)."""
+        yaw_deg = np.degrees(np.abs(self.body[:, 2]))
+        return self.judged & ((self.xy > WRONG_XY_M) | (yaw_deg > WRONG_YAW_DEG))
+
+
+def tabulate_errors(estimates: Sequence[FrameResult], truth: Trajectory | None) -> ErrorTable:
+    """
+    Match estimates with the truth: interpolated in time, never aligned, never extrapolated.
+
+    Parameters
+    ----------
+    estimates : sequence of FrameResult
+        Frames in any order of stamps.
+    truth : Trajectory or None
+        Base in the map frame.
+
+    Returns
+    -------
+    ErrorTable
+        Row i belongs to estimate i.
+
+    """
+    count = len(estimates)
+    stamps = np.array([estimate.stamp_ns for estimate in estimates], np.int64)
+    poses = np.full((count, 3), np.nan)
+    covariances = np.full((count, 3, 3), np.nan)
+    for row, estimate in enumerate(estimates):
+        if estimate.pose is not None:
+            poses[row] = estimate.pose
+        if estimate.pose is not None and estimate.covariance is not None:
+            covariances[row] = estimate.covariance
+    true = truth.at(stamps) if truth is not None else np.full((count, 3), np.nan)
+    error = poses - true
+    error[:, 2] = (error[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
+    heading = np.where(np.isfinite(true[:, 2]), true[:, 2], poses[:, 2])
+    to_body = _to_body(heading)
+    in_body = to_body @ covariances @ np.transpose(to_body, (0, 2, 1))
+    return ErrorTable(
+        stamps_ns=stamps,
+        published=np.array([estimate.pose is not None for estimate in estimates], np.bool_),
+        poses=poses,
+        truth=true,
+        body=np.einsum('nij,nj->ni', to_body, error),
+        sigma=np.sqrt(np.maximum(np.einsum('nii->ni', in_body), 0.0)),
+        nees=_normalized_square(error, covariances),
+        nees_xy=_normalized_square(error[:, :2], covariances[:, :2, :2]),
+    )
+
+
+def _to_body(yaw: Floats) -> Floats:
+    turn = np.zeros((len(yaw), 3, 3))
+    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(yaw)
+    turn[:, 0, 1], turn[:, 1, 0] = np.sin(yaw), -np.sin(yaw)
+    turn[:, 2, 2] = 1.0
+    return turn
+
+
+def _normalized_square(error: Floats, covariance: Floats) -> Floats:
+    """Return eᵀ P⁻¹ e per row, NaN where P is not positive definite."""
+    result = np.full(len(error), np.nan)
+    for row in np.flatnonzero(np.isfinite(error).all(1) & np.isfinite(covariance).all((1, 2))):
+        try:
+            half = np.linalg.solve(np.linalg.cholesky(covariance[row]), error[row])
+        except np.linalg.LinAlgError:
+            continue
+        result[row] = half @ half
+    return result

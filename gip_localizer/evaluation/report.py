@@ -1,0 +1,122 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""`report.html`: one file that needs nothing else, for a laptop and for a phone."""
+
+from __future__ import annotations
+
+import base64
+from functools import lru_cache
+from io import BytesIO
+from typing import Any
+
+import cv2
+import jinja2
+import matplotlib as mpl
+from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
+
+from gip_localizer.evaluation.error_table import ErrorTable
+from gip_localizer.evaluation.metrics import latencies_ms, Metrics, table_rows
+from gip_localizer.evaluation.report_figures import (
+    error_figure,
+    latency_figure,
+    nees_figure,
+    STYLE,
+)
+from gip_localizer.evaluation.report_map import map_figure
+from gip_localizer.evaluation.run import FrameExhibit, Run
+
+MAX_PICTURE_SIDE = 480
+
+
+def render_report(run: Run, metrics: Metrics, table: ErrorTable) -> str:
+    """
+    Return the page.
+
+    Parameters
+    ----------
+    run : Run
+        Estimates, map, exhibits.
+    metrics : dict
+        Of `compute_metrics`.
+    table : ErrorTable
+        Of `tabulate_errors`.
+
+    Returns
+    -------
+    str
+        HTML with pictures as data URIs.
+
+    """
+    return template('report.html.j2').render(
+        run=run,
+        metrics=metrics,
+        rows=table_rows(metrics),
+        figures=_figures(run, table),
+        exhibits=[_exhibit(exhibit) for exhibit in run.exhibits],
+        parameters=run.parameters.to_dict(),
+    )
+
+
+@lru_cache(maxsize=4)
+def template(name: str) -> jinja2.Template:
+    """Return a page of the package's templates, HTML-escaping what is filled in."""
+    loader = jinja2.PackageLoader('gip_localizer.evaluation', 'templates')
+    return jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True).get_template(name)
+
+
+def _figures(run: Run, table: ErrorTable) -> dict[str, str]:
+    """Caption to picture, in the order of the page; what has no data is left out."""
+    figures: dict[str, str] = {}
+    with mpl.rc_context(STYLE):
+        if len(table.stamps_ns) or run.truth is not None:
+            figures['Map'] = figure_uri(map_figure(run, table))
+        if table.judged.any():
+            figures['Error over time'] = figure_uri(error_figure(table))
+        if np.isfinite(table.nees).any():
+            figures['Honesty: NEES over time'] = figure_uri(nees_figure(table))
+        latencies = latencies_ms(run.estimates)
+        if len(latencies):
+            figures['Latency'] = figure_uri(latency_figure(latencies))
+    return figures
+
+
+def figure_uri(figure: Figure) -> str:
+    """Return a figure as SVG in a data URI."""
+    buffer = BytesIO()
+    figure.savefig(buffer, format='svg', metadata={'Date': None})
+    return _uri('svg+xml', buffer.getvalue())
+
+
+def _exhibit(exhibit: FrameExhibit) -> dict[str, Any]:
+    pictures = {caption: _png_uri(image) for caption, image in exhibit.images.items()}
+    return {'title': exhibit.title, 'pictures': pictures}
+
+
+def _png_uri(image: NDArray[Any]) -> str:
+    if image.dtype != np.uint8:
+        image = _coloured(np.asarray(image, np.float64))
+    if image.ndim == 3:
+        image = image[..., ::-1]
+    scale = MAX_PICTURE_SIDE / max(image.shape[:2])
+    how = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_NEAREST
+    scale = scale if scale < 1.0 else max(1.0, float(int(scale)))
+    size = (max(round(image.shape[1] * scale), 1), max(round(image.shape[0] * scale), 1))
+    _, png = cv2.imencode('.png', cv2.resize(np.ascontiguousarray(image), size,
+                                             interpolation=how))
+    return _uri('png', png.tobytes())
+
+
+def _coloured(values: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Colour a surface from its least to its greatest finite value; the rest is light grey."""
+    finite = np.isfinite(values)
+    low, high = (values[finite].min(), values[finite].max()) if finite.any() else (0.0, 1.0)
+    share = np.where(finite, (values - low) / max(high - low, 1e-300), 0.0)
+    rgb = (mpl.colormaps['viridis'](share)[..., :3] * 255.0).round().astype(np.uint8)
+    rgb[~finite] = 235
+    return rgb
+
+
+def _uri(kind: str, content: bytes) -> str:
+    return f'data:image/{kind};base64,{base64.b64encode(content).decode("ascii")}'

@@ -1,0 +1,103 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The charts of the report: matplotlib figures without a screen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
+
+from gip_localizer.evaluation.error_table import ErrorTable
+
+Floats = NDArray[np.float64]
+ESTIMATE, TRUTH, WRONG, BAND = '#1768ac', '#1b8a3d', '#c1121f', '#9fc5e8'
+NEES_95 = (0.2157952826238981, 9.348403604496145)  # chi-square, 3 degrees of freedom
+STYLE: dict[Any, Any] = {
+    'font.size': 9.0, 'axes.grid': True, 'grid.alpha': 0.3, 'axes.axisbelow': True,
+    'axes.spines.top': False, 'axes.spines.right': False, 'svg.hashsalt': 'gip_localizer',
+    'legend.frameon': False, 'figure.constrained_layout.use': True,
+}
+SIZE = (5.6, 4.6)
+
+
+def seconds(table: ErrorTable) -> Floats:
+    """Return times since the first frame, (n,) seconds."""
+    stamps = table.stamps_ns
+    return (stamps - stamps.min()) * 1e-9 if len(stamps) else np.empty(0)
+
+
+def error_figure(table: ErrorTable) -> Figure:
+    """Draw error over time in a band of ±3σ: longitudinal, lateral, yaw."""
+    figure = Figure(figsize=SIZE)
+    panels = figure.subplots(3, 1, sharex=True)
+    time, order = _in_time(table)
+    rows = ((0, 1e3, 'longitudinal [mm]'), (1, 1e3, 'lateral [mm]'),
+            (2, 180.0 / np.pi, 'yaw [deg]'))
+    for axes, (column, scale, label) in zip(panels, rows, strict=True):
+        error, sigma = table.body[order, column] * scale, table.sigma[order, column] * scale
+        axes.fill_between(time, -3 * sigma, 3 * sigma, color=BAND, alpha=0.5, lw=0, label='±3σ')
+        axes.plot(time, error, color=ESTIMATE, lw=1.0, marker='.', ms=3, label='error')
+        axes.axhline(0.0, color='0.4', lw=0.6)
+        axes.set_ylabel(label)
+        _limit(axes, error, 3 * sigma)
+        _mark_withheld(axes, table)
+    panels[0].legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=8)
+    panels[-1].set_xlabel('time since the first frame [s]')
+    return figure
+
+
+def nees_figure(table: ErrorTable) -> Figure:
+    """Draw NEES over time with the band that holds 95 % of honest frames."""
+    figure = Figure(figsize=(SIZE[0], 3.2))
+    axes = figure.subplots()
+    time, order = _in_time(table)
+    nees = np.maximum(table.nees[order], 1e-3)
+    known = nees[np.isfinite(nees)]
+    axes.axhspan(*NEES_95, color=BAND, alpha=0.4, lw=0, label='95 % of honest frames')
+    axes.plot(time, nees, '.', color=ESTIMATE, ms=4, label='frame')
+    axes.axhline(3.0, color=TRUTH, lw=1.0, label='expected mean 3')
+    if len(known):
+        axes.axhline(known.mean(), color=WRONG, ls='--', lw=1.0, label=f'mean {known.mean():.2f}')
+    axes.set(yscale='log', xlabel='time since the first frame [s]', ylabel='NEES')
+    axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=8)
+    return figure
+
+
+def latency_figure(latencies: Floats) -> Figure:
+    """Draw the histogram of whole latencies with p50, p95 and p99."""
+    figure = Figure(figsize=(SIZE[0], 3.2))
+    axes = figure.subplots()
+    axes.hist(latencies, bins=min(40, max(5, len(latencies) // 4)), color=ESTIMATE, alpha=0.8)
+    for percent, style in ((50, '-'), (95, '--'), (99, ':')):
+        value = float(np.percentile(latencies, percent))
+        axes.axvline(value, color=WRONG, ls=style, lw=1.2, label=f'p{percent} {value:.1f} ms')
+    axes.set(xlabel='latency of a frame [ms]', ylabel='frames')
+    axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=8)
+    return figure
+
+
+def _in_time(table: ErrorTable) -> tuple[Floats, NDArray[np.intp]]:
+    time = seconds(table)
+    order = np.argsort(time, kind='stable')
+    return time[order], order
+
+
+def _limit(axes: Axes, *series: Floats) -> None:
+    """Show what nearly all frames do; a single outlier may leave the frame."""
+    sizes = [np.abs(values[np.isfinite(values)]) for values in series]
+    tops = [float(np.percentile(values, 99.5)) for values in sizes if len(values)]
+    top = max(tops, default=1.0) * 1.2
+    if top > 0.0:
+        axes.set_ylim(-top, top)
+
+
+def _mark_withheld(axes: Axes, table: ErrorTable) -> None:
+    times = seconds(table)[~table.published]
+    if len(times):
+        axes.plot(times, np.zeros(len(times)), '|', color=WRONG, ms=5, label='withheld')
+
+

@@ -1,0 +1,136 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Writing of rosbag2 MCAP bags without ROS; the same messages give the same bytes.
+
+Message classes and serialization are those of `rosbags`, with ROS 2 Jazzy's definitions.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+import math
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import get_typestore, Stores
+from rosbags.typesys.store import Typestore
+
+from gip_localizer.core.pose import Pose2
+
+
+@lru_cache(maxsize=1)
+def jazzy() -> Typestore:
+    """Return the message types of ROS 2 Jazzy (shared; do not register into it)."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def make(msgtype: str, **fields: Any) -> Any:
+    """Build a message of a type by name, e.g. `make('std_msgs/msg/String', data='a')`."""
+    return jazzy().types[msgtype](**fields)
+
+
+def make_header(stamp_ns: int, frame_id: str) -> Any:
+    """Build a std_msgs/Header from integer nanoseconds."""
+    sec, nanosec = divmod(stamp_ns, 1_000_000_000)
+    stamp = make('builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec)
+    return make('std_msgs/msg/Header', stamp=stamp, frame_id=frame_id)
+
+
+def make_pose(pose: Pose2) -> Any:
+    """Build a geometry_msgs/Pose in the plane."""
+    return make(
+        'geometry_msgs/msg/Pose',
+        position=make('geometry_msgs/msg/Point', x=pose.x, y=pose.y, z=0.0),
+        orientation=make(
+            'geometry_msgs/msg/Quaternion',
+            x=0.0, y=0.0, z=math.sin(pose.yaw / 2.0), w=math.cos(pose.yaw / 2.0),
+        ),
+    )
+
+
+def covariance_36(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Spread a (3, 3) covariance of x, y, yaw into ROS's row-major (36,) of x y z r p y."""
+    full = np.zeros((6, 6))
+    full[np.ix_((0, 1, 5), (0, 1, 5))] = covariance
+    return full.ravel()
+
+
+class BagWriter:
+    """
+    A rosbag2 folder with one MCAP file; use as a context manager.
+
+    On leaving with an exception the file has no index; the caller removes the folder.
+
+    """
+
+    def __init__(self, path: Path, topics: Mapping[str, str], *, compress: bool = False,
+                 latched: frozenset[str] = frozenset()) -> None:
+        """
+        Declare what will be written.
+
+        Parameters
+        ----------
+        path : Path
+            Folder to make; must not exist.
+        topics : dict
+            Topic to type name, in the order of declaration.
+        compress : bool
+            True: chunks are compressed with zstd.
+        latched : frozenset of str
+            Topics offered transient local.
+
+        """
+        self._writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+        if compress:
+            self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        self._topics = dict(topics)
+        self._latched = latched
+        self._connections: dict[str, Connection] = {}
+
+    def __enter__(self) -> BagWriter:
+        """Make the folder and declare the topics."""
+        self._writer.open()
+        for topic, msgtype in self._topics.items():
+            self._connections[topic] = self._writer.add_connection(
+                topic, msgtype, typestore=jazzy(),
+                offered_qos_profiles=[_qos(topic in self._latched)],
+            )
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        """Write the index and close."""
+        self._writer.__exit__(kind, error, trace)
+
+    def write(self, topic: str, log_ns: int, message: Any) -> None:
+        """Append a message of the topic's declared type at a log time in nanoseconds."""
+        raw = jazzy().serialize_cdr(message, self._topics[topic])
+        self._writer.write(self._connections[topic], log_ns, raw)
+
+
+def _qos(latched: bool) -> Qos:
+    unset = QosTime(0, 0)
+    return Qos(
+        history=QosHistory.KEEP_LAST,
+        depth=10,
+        reliability=QosReliability.RELIABLE,
+        durability=QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+        deadline=unset, lifespan=unset, liveliness=QosLiveliness.SYSTEM_DEFAULT,
+        liveliness_lease_duration=unset, avoid_ros_namespace_conventions=False,
+    )

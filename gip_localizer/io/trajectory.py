@@ -1,0 +1,180 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Trajectories: stamped planar poses, and the TUM files that carry them.
+
+A TUM line is `stamp x y z qx qy qz qw`: seconds, metres, a unit quaternion. Stamps are read and
+written as decimal text, so that nanoseconds survive.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gip_localizer.core.pose import Pose2, wrap_angle
+from gip_localizer.errors import OutputError, TrajectoryError
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+MAX_GAP_NS = 2_000_000_000  # a longer gap between two poses of the truth is not bridged
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """
+    Stamped poses, in order of time.
+
+    Attributes
+    ----------
+    stamps_ns : (n,) int64
+        Strictly increasing, nanoseconds.
+    poses : (n, 3) float64
+        x, y in metres, yaw in radians, map frame.
+
+    """
+
+    stamps_ns: Stamps
+    poses: Floats
+
+    def __len__(self) -> int:
+        """Return the number of poses."""
+        return len(self.stamps_ns)
+
+    @classmethod
+    def from_samples(cls, samples: Iterable[tuple[int, Pose2]]) -> Trajectory:
+        """Sort samples by stamp; of several at one stamp the last stays."""
+        latest = dict(samples)
+        stamps = np.array(sorted(latest), np.int64)
+        poses = np.array([latest[int(stamp)] for stamp in stamps], np.float64).reshape(-1, 3)
+        return cls(stamps, poses)
+
+    def at(self, stamps_ns: Stamps, max_gap_ns: int = MAX_GAP_NS) -> Floats:
+        """
+        Interpolate at other stamps: linear in x and y, the shortest way in yaw.
+
+        Parameters
+        ----------
+        stamps_ns : (m,) int64
+            Where poses are wanted, nanoseconds, in any order.
+        max_gap_ns : int
+            Longest time between two neighbours that is bridged.
+
+        Returns
+        -------
+        (m, 3) float64
+            x, y, yaw; NaN before the first pose, after the last, and within a longer gap.
+
+        """
+        wanted = np.asarray(stamps_ns, np.int64)
+        result = np.full((len(wanted), 3), np.nan)
+        if len(self) == 0 or len(wanted) == 0:
+            return result
+        after = np.searchsorted(self.stamps_ns, wanted, side='left')
+        inside = after < len(self)
+        exact = inside & (self.stamps_ns[np.minimum(after, len(self) - 1)] == wanted)
+        result[exact] = self.poses[after[exact]]
+        between = inside & ~exact & (after > 0)
+        result[between] = self._between(wanted[between], after[between], max_gap_ns)
+        return result
+
+    def _between(self, wanted: Stamps, after: NDArray[np.intp], max_gap_ns: int) -> Floats:
+        start, end = self.stamps_ns[after - 1], self.stamps_ns[after]
+        fraction = ((wanted - start) / (end - start))[:, None]
+        first, last = self.poses[after - 1], self.poses[after]
+        step = last - first
+        step[:, 2] = (step[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
+        poses = np.asarray(first + fraction * step, np.float64)
+        poses[:, 2] = (poses[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
+        poses[end - start > max_gap_ns] = np.nan
+        return poses
+
+
+def write_tum(path: Path | str, trajectory: Trajectory) -> None:
+    """Write a TUM file (evo reads it); raise OutputError when the disk refuses."""
+    lines = [
+        f'{_seconds(int(stamp))} {x:.12f} {y:.12f} 0 0 0 '
+        f'{math.sin(yaw / 2.0):.17g} {math.cos(yaw / 2.0):.17g}\n'
+        for stamp, (x, y, yaw) in zip(trajectory.stamps_ns, trajectory.poses, strict=True)
+    ]
+    try:
+        Path(path).write_text(''.join(lines), encoding='utf-8')
+    except OSError as error:
+        raise OutputError(f'cannot write {path}: {error.strerror}') from None
+
+
+def read_tum(path: Path | str) -> Trajectory:
+    """
+    Read a TUM file.
+
+    Comments (#) and empty lines are skipped. Roll and pitch are dropped.
+
+    Raises
+    ------
+    TrajectoryError
+        Unreadable, empty, or a line that is not eight finite numbers with growing stamps and a
+        unit quaternion; the message names file and line.
+
+    """
+    try:
+        text = Path(path).read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        raise TrajectoryError(f'{path}: cannot be read as a TUM text file: {error}') from None
+    stamps: list[int] = []
+    poses: list[Pose2] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not line.strip() or line.lstrip().startswith('#'):
+            continue
+        where = f'{path}:{number}'
+        stamp, pose = _parse(line, where)
+        if stamps and stamp <= stamps[-1]:
+            raise TrajectoryError(
+                f'{where}: stamp {_seconds(stamp)} is not after {_seconds(stamps[-1])}; '
+                'sort the file by time and drop repeated lines'
+            )
+        stamps.append(stamp)
+        poses.append(pose)
+    if not stamps:
+        raise TrajectoryError(f'{path}: holds no pose; expected lines "stamp x y z qx qy qz qw"')
+    return Trajectory(np.array(stamps, np.int64), np.array(poses, np.float64))
+
+
+def _seconds(stamp_ns: int) -> str:
+    sign = '-' if stamp_ns < 0 else ''
+    whole, rest = divmod(abs(stamp_ns), 1_000_000_000)
+    return f'{sign}{whole}.{rest:09d}'
+
+
+def _parse(line: str, where: str) -> tuple[int, Pose2]:
+    words = line.split()
+    if len(words) != 8:
+        raise TrajectoryError(
+            f'{where}: {len(words)} columns, expected 8 "stamp x y z qx qy qz qw" '
+            'separated by spaces'
+        )
+    try:
+        stamp = Decimal(words[0])
+        x, y, z, *quaternion = (float(word) for word in words[1:])
+    except (InvalidOperation, ValueError):
+        raise TrajectoryError(f'{where}: not eight numbers: {line.strip()[:80]!r}') from None
+    norm = math.sqrt(sum(part * part for part in quaternion))
+    if not (stamp.is_finite() and all(map(math.isfinite, (x, y, z, norm)))):
+        raise TrajectoryError(f'{where}: a number is not finite: {line.strip()[:80]!r}')
+    if abs(norm - 1.0) > 1e-2 or abs(stamp) > Decimal(9_000_000_000):
+        raise TrajectoryError(
+            f'{where}: quaternion of length {norm:.4g} (expected 1), stamp {stamp} s'
+        )
+    return int((stamp * 1_000_000_000).to_integral_value()), Pose2(x, y, _yaw(*quaternion))
+
+
+def _yaw(qx: float, qy: float, qz: float, qw: float) -> float:
+    norm = qx * qx + qy * qy + qz * qz + qw * qw
+    sin, cos = 2.0 * (qw * qz + qx * qy), norm - 2.0 * (qy * qy + qz * qz)
+    return wrap_angle(math.atan2(sin, cos))
