@@ -16,6 +16,7 @@ from gip_localizer.evaluation.report_figures import ESTIMATE, TRUTH, WRONG
 from gip_localizer.evaluation.run import Run
 
 Floats = NDArray[np.float64]
+ELLIPSE = '#e07a00'
 PIXELS = 700
 MAX_SMOOTHED_CELLS = 2e7
 ELLIPSES = 40
@@ -87,14 +88,14 @@ def _draw_ellipses(axes: Axes, run: Run, table: ErrorTable,
         return None
     rows = [rows[i] for i in np.unique(np.linspace(0, len(rows) - 1, ELLIPSES).astype(int))]
     shapes = np.array([_ellipse(np.asarray(run.estimates[row].covariance)) for row in rows])
-    wanted = 0.025 * max(box[2] - box[0], box[3] - box[1])
+    wanted = 0.05 * max(box[2] - box[0], box[3] - box[1])
     ratio = wanted / max(float(np.median(shapes[:, 0])), 1e-9)
     factor = int(10 ** np.clip(np.floor(np.log10(max(ratio, 1.0))), 0, 4))
     factor *= 5 if ratio / factor >= 5.0 else 2 if ratio / factor >= 2.0 else 1
     axes.add_collection(EllipseCollection(
         shapes[:, 0] * factor, shapes[:, 1] * factor, shapes[:, 2], units='xy',
         offsets=table.poses[rows, :2], offset_transform=axes.transData,
-        facecolors='none', edgecolors=WRONG, linewidths=0.9,
+        facecolors='none', edgecolors=ELLIPSE, linewidths=0.9, zorder=4,
     ))
     return factor
 

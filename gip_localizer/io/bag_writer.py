@@ -33,6 +33,8 @@ from rosbags.typesys.store import Typestore
 
 from gip_localizer.core.pose import Pose2
 
+UNSEEN = (0.0, 0.0, 1.0, 0.1, 0.1, 0.0)  # variances of z [m²], roll, pitch [rad²], as the node's
+
 
 @lru_cache(maxsize=1)
 def jazzy() -> Typestore:
@@ -66,7 +68,7 @@ def make_pose(pose: Pose2) -> Any:
 
 def covariance_36(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Spread a (3, 3) covariance of x, y, yaw into ROS's row-major (36,) of x y z r p y."""
-    full = np.zeros((6, 6))
+    full = np.diag(UNSEEN)
     full[np.ix_((0, 1, 5), (0, 1, 5))] = covariance
     return full.ravel()
 

@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import base64
+from html.parser import HTMLParser
+import re
+
+import cv2
+import numpy as np
+import pytest
+from run_samples import noisy_run
+
+from gip_localizer.evaluation.error_table import tabulate_errors
+from gip_localizer.evaluation.metrics import compute_metrics, table_rows
+from gip_localizer.evaluation.report import render_report
+from gip_localizer.evaluation.report_map import map_figure
+
+
+class Page(HTMLParser):
+    def __init__(self, text):
+        super().__init__()
+        self.images, self.links, self.cells, self._open = {}, [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        attributes = dict(attrs)
+        if tag == 'img':
+            self.images[attributes['alt']] = attributes['src']
+        self.links += [v for k, v in attrs if k in ('href', 'src') and not v.startswith('data:')]
+        self._open.append(tag)
+
+    def handle_data(self, text):
+        if self._open and self._open[-1] in ('td', 'th') and text.strip():
+            self.cells.append(text.strip())
+
+
+def page_of(run):
+    text = render_report(run, compute_metrics(run), tabulate_errors(run.estimates, run.truth))
+    return text, Page(text)
+
+
+def test_the_page_needs_nothing_else():
+    text, page = page_of(noisy_run())
+    assert page.links == []
+    assert not re.search(r'url\((?!data:)|@import|<script|<link', text)
+
+
+def test_the_page_has_every_section():
+    _, page = page_of(noisy_run(withheld=3))
+    assert list(page.images)[:4] == [
+        'Map', 'Error over time', 'Honesty: NEES over time', 'Latency'
+    ]
+    assert set(page.images) >= {'camera image', 'score surface'}
+
+
+def test_the_summary_holds_the_figures():
+    run = noisy_run()
+    _, page = page_of(run)
+    for row in table_rows(compute_metrics(run)):
+        assert page.cells[page.cells.index(row.name) + 1] == row.value
+
+
+def test_names_from_bags_are_escaped():
+    text, _ = page_of(noisy_run(notes=['topic <script>alert(1)</script>']))
+    assert '<script>' not in text
+    assert 'A &lt;run&gt;' in text
+
+
+def test_without_truth_the_page_says_so():
+    text, page = page_of(noisy_run(truth=None))
+    assert 'No ground truth' in text
+    assert 'Error over time' not in page.images
+
+
+def test_colour_pictures_keep_their_colours():
+    red = np.zeros((4, 4, 3), np.uint8)
+    red[..., 0] = 200
+    run = noisy_run()
+    exhibit = run.exhibits[0]
+    changed = type(exhibit)(exhibit.title, exhibit.stamp_ns, {'red': red})
+    _, page = page_of(noisy_run(exhibits=[changed]))
+    png = base64.b64decode(page.images['red'].split(',')[1])
+    pixel = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)[0, 0]
+    assert pixel.tolist() == [0, 0, 200]
+
+
+@pytest.mark.parametrize('sigma', [1e-4, 0.01, 0.3])
+def test_ellipses_are_enlarged_by_the_factor_that_is_said(sigma):
+    run = noisy_run()
+    frames = [type(f)(f.stamp_ns, f.pose, np.eye(3) * sigma**2) for f in run.estimates]
+    run = noisy_run(estimates=frames)
+    axes = map_figure(run, tabulate_errors(run.estimates, run.truth)).axes[0]
+    said = re.search(r'(\d+) times', axes.get_title())
+    factor = int(said.group(1)) if said else 1
+    drawn = axes.collections[0].get_widths()
+    np.testing.assert_allclose(drawn, 2 * np.sqrt(5.991464547) * sigma * factor, rtol=1e-6)
