@@ -11,7 +11,7 @@ Both the localizer (`gip_localizer.parameters`) and the synthetic camera declare
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, MISSING
 import math
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar

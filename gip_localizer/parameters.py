@@ -15,7 +15,7 @@ import math
 from pathlib import Path
 
 from gip_localizer.errors import ParameterError
-from gip_localizer.parameter_specs import ParameterGroup, dump_ros_yaml, group, load_ros_yaml
+from gip_localizer.parameter_specs import dump_ros_yaml, group, load_ros_yaml, ParameterGroup
 from gip_localizer.parameter_specs import parameter as p
 
 METRICS = ('gip', 'gip_normalized', 'euclidean', 'euclidean_normalized')
@@ -146,12 +146,11 @@ class Integrity:
     min_correlation: float = p(
         0.25, 'Least weighted correlation between view and map at the match.', low=0.0, high=1.0
     )
-    min_peak_ratio: float = p(
-        1.1, 'Least ratio of the second-best mode\'s residual to the best one\'s.', low=1.0,
-        high=100.0,
+    min_winner_mass: float = p(
+        0.9, 'Least share of the posterior that the winning mode must hold.', low=0.0, high=1.0
     )
     min_contrast: float = p(
-        0.004, 'Least weighted standard deviation of the view, grey levels of [0, 1].', low=0.0,
+        0.002, 'Least weighted standard deviation of the view, grey levels of [0, 1].', low=0.0,
         high=1.0,
     )
     max_sigma_xy: float = p(0.5, 'Largest standard deviation that is published.', unit='m',
@@ -160,6 +159,19 @@ class Integrity:
                              unit='rad', low=1e-4, high=3.2)
     lost_after: int = p(5, 'Frames in a row without a fix after which the node is lost.', low=1,
                         high=10000)
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """How a lost pose is found again."""
+
+    automatic: bool = p(True, 'Search the whole map when lost; false: only when asked.')
+    period: float = p(1.0, 'Least time between two automatic searches.', unit='s', low=0.0,
+                      high=3600.0)
+    confirm_frames: int = p(3, 'Frames that must agree before a found pose is published.', low=1,
+                            high=1000)
+    yaw_step: float = p(0.035, 'Step in heading of the search.', unit='rad', low=1e-3, high=0.5)
+    cell: float = p(0.2, 'Side of the cells of the search.', unit='m', low=0.01, high=5.0)
 
 
 @dataclass(frozen=True)
@@ -184,6 +196,7 @@ class Parameters(ParameterGroup):
     motion: Motion = group(Motion)
     camera_motion: CameraMotion = group(CameraMotion)
     integrity: Integrity = group(Integrity)
+    recovery: Recovery = group(Recovery)
 
     def check(self) -> None:
         """Judge what spans several parameters (raises ParameterError)."""

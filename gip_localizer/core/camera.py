@@ -16,12 +16,9 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from gip_localizer.core.arrays import Bools, Floats
 from gip_localizer.errors import CalibrationError
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 PINHOLE_MODELS = {'plumb_bob': (4, 5), 'rational_polynomial': (8, 12, 14)}
 FISHEYE_MODELS = ('equidistant', 'fisheye')
@@ -199,11 +196,18 @@ class CameraModel:
 
     def key(self) -> tuple[object, ...]:
         """Return a hashable value that is equal for equal models."""
-        return (*self.calibration.key(), self.extrinsics, self.rectified)
+        size = (self.width, self.height)
+        return (*self.calibration.key(), self.extrinsics, self.rectified, size)
 
     def with_extrinsics(self, extrinsics: Extrinsics) -> CameraModel:
         """Return the same camera held elsewhere."""
         return CameraModel(self.calibration, extrinsics, rectified=self.rectified)
+
+    def with_image_size(self, width: int, height: int) -> CameraModel:
+        """Return the same camera delivering images of a slightly different size."""
+        other = CameraModel(self.calibration, self.extrinsics, rectified=self.rectified)
+        other.width, other.height = width, height
+        return other
 
     @property
     def H_image_road(self) -> Floats:
@@ -265,7 +269,8 @@ class CameraModel:
         """Undistorted normalised coordinates (n, 2) of pixels, and whether they exist (n,)."""
         normalised = (uv - self.K[:2, 2]) / self.K[[0, 1], [0, 1]]
         if self.D.size == 0:
-            return normalised, np.isfinite(normalised).all(axis=1)
+            finite: Bools = np.isfinite(normalised[:, 0]) & np.isfinite(normalised[:, 1])
+            return normalised, finite
         rays = self._undistort(uv)
         radius = np.hypot(rays[:, 0], rays[:, 1])
         valid = np.isfinite(radius) & (radius < self.max_radius)

@@ -13,9 +13,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from gip_localizer.core.arrays import Floats
 
 
 def wrap_angle(angle: float) -> float:

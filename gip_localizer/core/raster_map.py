@@ -18,12 +18,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gip_localizer.core.arrays import Bools, Floats, Grey
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import MapError
-
-Floats = NDArray[np.float64]
-Floats32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
 
 WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0, np.dtype(np.float32): 1.0}
 
@@ -51,7 +48,7 @@ class RasterMap:
 
     """
 
-    grey: NDArray[np.generic]
+    grey: Grey
     resolution: float
     origin: Pose2 = Pose2(0.0, 0.0, 0.0)
     valid: Bools | None = None
@@ -160,7 +157,7 @@ class RasterMap:
         origin = Pose2(float(corner[0]), float(corner[1]), self.origin.yaw)
         return RasterMap(values, resolution, origin, valid)
 
-    def sample(self, xy_map: Floats) -> tuple[Floats32, Bools]:
+    def sample(self, xy_map: Floats) -> tuple[Floats, Bools]:
         """
         Grey at map points, bilinear between cell centres.
 
@@ -180,7 +177,7 @@ class RasterMap:
         values, _, valid = self.sample_with_gradient(xy_map)
         return values, valid
 
-    def sample_with_gradient(self, xy_map: Floats) -> tuple[Floats32, Floats32, Bools]:
+    def sample_with_gradient(self, xy_map: Floats) -> tuple[Floats, Floats, Bools]:
         """Grey (n,), its gradient (n, 2) per metre in the map frame, and valid (n,)."""
         rows, cols = self.grey.shape
         rc = self.to_cell(np.asarray(xy_map, float))
@@ -215,7 +212,7 @@ class RasterMap:
         return values, gradient, inside
 
 
-def _joined(values: Floats32, valid: Bools | None, step: int) -> tuple[Floats32, Bools | None]:
+def _joined(values: Floats, valid: Bools | None, step: int) -> tuple[Floats, Bools | None]:
     """Average step x step cells into one; it is valid where all of them are."""
     rows, cols = values.shape[0] // step, values.shape[1] // step
     size = (cols, rows)
@@ -226,8 +223,8 @@ def _joined(values: Floats32, valid: Bools | None, step: int) -> tuple[Floats32,
     return joined, share > 0.999
 
 
-def _smoothed(values: Floats32, valid: Bools | None,
-              ratio: float) -> tuple[Floats32, Bools | None]:
+def _smoothed(values: Floats, valid: Bools | None,
+              ratio: float) -> tuple[Floats, Bools | None]:
     """Smooth so that bilinear sampling has the second moment of a box of `ratio` cells."""
     if ratio <= 1.05:
         return values, valid

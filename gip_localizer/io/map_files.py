@@ -13,11 +13,11 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 import yaml
 
+from gip_localizer.core.arrays import Bools, Grey
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import WHITE, RasterMap
+from gip_localizer.core.raster_map import RasterMap, WHITE
 from gip_localizer.errors import MapError, OutputError
 
 REQUIRED = ('image', 'resolution', 'origin')
@@ -123,7 +123,7 @@ def _number(path: Path, key: str, value: object) -> float:
 
 def _read_image(
     path: Path, image: Path
-) -> tuple[NDArray[np.generic], NDArray[np.bool_] | None]:
+) -> tuple[Grey, Bools | None]:
     if not image.is_file():
         raise MapError(f'map {path}: its image {image} does not exist')
     try:

@@ -1,0 +1,104 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the localizer says of one frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.birdseye import View
+from gip_localizer.core.matching import Scores
+from gip_localizer.core.pose import Pose2
+from gip_localizer.core.refinement import Fit
+
+
+class Status(str, Enum):
+    """Outcome of a frame; only TRACKING publishes a pose."""
+
+    TRACKING = 'TRACKING'
+    DISABLED = 'DISABLED'
+    NO_MAP = 'NO_MAP'
+    NO_CALIBRATION = 'NO_CALIBRATION'
+    BAD_IMAGE = 'BAD_IMAGE'
+    NO_ROAD_IN_VIEW = 'NO_ROAD_IN_VIEW'
+    NO_PRIOR = 'NO_PRIOR'
+    OUT_OF_ORDER = 'OUT_OF_ORDER'
+    LOW_CONTRAST = 'LOW_CONTRAST'
+    OFF_MAP = 'OFF_MAP'
+    LOW_OVERLAP = 'LOW_OVERLAP'
+    NO_MATCH = 'NO_MATCH'
+    AMBIGUOUS = 'AMBIGUOUS'
+    UNCERTAIN = 'UNCERTAIN'
+    CONFIRMING = 'CONFIRMING'
+    LOST = 'LOST'
+
+    def __str__(self) -> str:
+        """Return the word itself."""
+        return self.value
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """
+    How the frame was matched: material for pictures and diagnostics.
+
+    Attributes
+    ----------
+    view : View
+        Bird's-eye view.
+    weight : (rows, cols) float32
+        The Gramian's diagonal.
+    scores : Scores or None
+        Score surface, where one was computed.
+    fit : Fit or None
+        The refined winner: the raw single-frame measurement.
+
+    """
+
+    view: View
+    weight: Floats
+    scores: Scores | None = None
+    fit: Fit | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """
+    Outcome of one frame.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        Stamp of the image, nanoseconds.
+    status : Status
+        TRACKING with a pose, any other without.
+    reason : str
+        Why, in one sentence with numbers.
+    pose : Pose2 or None
+        Base in map; None where the frame gives none.
+    covariance : (3, 3) float64 or None
+        Of x, y (m) and yaw (rad), map axes.
+    quality : dict
+        Figures the decision rests on, by name.
+    timings_ms : dict
+        Milliseconds per stage.
+    match : Match or None
+        How the frame was matched.
+
+    """
+
+    stamp_ns: int
+    status: Status
+    reason: str
+    pose: Pose2 | None = None
+    covariance: Floats | None = None
+    quality: dict[str, float] = field(default_factory=dict)
+    timings_ms: dict[str, float] = field(default_factory=dict)
+    match: Match | None = None
+
+    @property
+    def published(self) -> bool:
+        """Whether the frame gives a pose."""
+        return self.pose is not None

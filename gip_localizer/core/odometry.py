@@ -1,0 +1,138 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Motion between image stamps, from odometry that may be late, sparse or wrong."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass, field
+import math
+
+from gip_localizer.core.pose import interpolate, Pose2
+from gip_localizer.parameters import Motion
+
+KEPT_NS = 20_000_000_000  # odometry older than this before the newest is dropped
+REWIND_NS = 1_000_000_000  # a step back in time by more than this is a restart, not disorder
+
+
+@dataclass(frozen=True)
+class OdometrySample:
+    """
+    One odometry message.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        Nanoseconds.
+    pose : Pose2
+        Base in odom.
+    forward, left : float
+        Body velocity, m/s.
+    turn : float
+        Yaw rate, rad/s.
+
+    """
+
+    stamp_ns: int
+    pose: Pose2
+    forward: float = 0.0
+    left: float = 0.0
+    turn: float = 0.0
+
+
+@dataclass
+class OdometryBuffer:
+    """
+    Recent odometry, ordered by stamp, and why samples were refused.
+
+    Attributes
+    ----------
+    limits : Motion
+        Largest gap and speed.
+    complaint : str
+        Why the last refused sample was refused; empty after a good one.
+    refused : int
+        Samples refused so far.
+
+    """
+
+    limits: Motion
+    complaint: str = ''
+    refused: int = 0
+    _samples: list[OdometrySample] = field(default_factory=list)
+
+    @property
+    def latest(self) -> OdometrySample | None:
+        """The newest sample."""
+        return self._samples[-1] if self._samples else None
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        self._samples.clear()
+
+    def add(self, sample: OdometrySample) -> bool:
+        """Take a sample; False where it is refused (see `complaint`)."""
+        self.complaint = self._fault(sample)
+        if self.complaint:
+            self.refused += 1
+            return False
+        self._samples.append(sample)
+        oldest = sample.stamp_ns - KEPT_NS
+        if len(self._samples) > 16 and self._samples[8].stamp_ns < oldest:
+            del self._samples[:8]
+        return True
+
+    def _fault(self, sample: OdometrySample) -> str:
+        numbers = (*sample.pose, sample.forward, sample.left, sample.turn)
+        if not all(math.isfinite(value) for value in numbers):
+            return 'odometry holds NaN or infinity'
+        last = self.latest
+        if last is None:
+            return ''
+        elapsed = (sample.stamp_ns - last.stamp_ns) * 1e-9
+        if elapsed <= 0.0:
+            if last.stamp_ns - sample.stamp_ns > REWIND_NS:
+                self.clear()
+                return ''
+            return f'odometry stamp is {-elapsed:.3f} s before the last one'
+        moved = math.hypot(sample.pose.x - last.pose.x, sample.pose.y - last.pose.y)
+        if moved / elapsed > self.limits.max_speed and moved > 0.1:
+            self.clear()
+            self._samples.append(sample)
+            return f'odometry jumped {moved:.2f} m in {elapsed:.3f} s'
+        return ''
+
+    def motion(self, start_ns: int, end_ns: int) -> Pose2 | None:
+        """
+        Motion of base from one stamp to another, in base axes at the start.
+
+        Returns
+        -------
+        Pose2 or None
+            None where the samples do not reach both stamps within `motion.max_gap`.
+
+        """
+        start, end = self._at(start_ns), self._at(end_ns)
+        if start is None or end is None:
+            return None
+        return start.inverse() @ end
+
+    def _at(self, stamp_ns: int) -> Pose2 | None:
+        after = bisect_right(self._samples, stamp_ns, key=lambda s: s.stamp_ns)
+        gap_ns = int(self.limits.max_gap * 1e9)
+        if after == 0:
+            return None
+        before = self._samples[after - 1]
+        ahead = (stamp_ns - before.stamp_ns) * 1e-9
+        if after < len(self._samples):
+            following = self._samples[after]
+            whole = following.stamp_ns - before.stamp_ns
+            if whole > gap_ns:
+                return None
+            return interpolate(before.pose, following.pose, ahead * 1e9 / whole)
+        if stamp_ns - before.stamp_ns > gap_ns:
+            return None
+        turned = before.turn * ahead
+        halfway = Pose2(0.0, 0.0, 0.5 * turned)
+        step = Pose2(before.forward * ahead, before.left * ahead, 0.5 * turned)
+        return before.pose @ halfway @ step

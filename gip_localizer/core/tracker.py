@@ -1,0 +1,199 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The prior: last pose moved by odometry, and its fusion with each match.
+
+A Kalman filter on (x, y, yaw). Without odometry the last velocity is held; its uncertainty then
+grows with time until the prior no longer says anything, and never turns into a pose by itself.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.odometry import OdometryBuffer
+from gip_localizer.core.pose import difference, Pose2, wrap_angle
+from gip_localizer.errors import GipError
+from gip_localizer.parameters import Motion
+
+GATE_SQ = 21.1  # chi-square, 3 degrees of freedom, 99.99 %
+HELD_VELOCITY_S = 2.0  # longest time a velocity between two fixes is held
+
+
+class PriorError(GipError):
+    """A prior pose or its covariance cannot be used."""
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """
+    Pose and covariance at a stamp.
+
+    Attributes
+    ----------
+    stamp_ns : int
+        Nanoseconds.
+    pose : Pose2
+        Base in map.
+    covariance : (3, 3) float64
+        Of x, y (m), yaw (rad), map axes.
+
+    """
+
+    stamp_ns: int
+    pose: Pose2
+    covariance: Floats
+
+
+def checked_prior(stamp_ns: int, pose: Pose2, covariance: Floats) -> Belief:
+    """
+    Return a belief for a prior from outside.
+
+    Raises
+    ------
+    PriorError
+        NaN, or a covariance that is not symmetric positive definite.
+
+    """
+    covariance = np.asarray(covariance, float)
+    if not pose.is_finite() or covariance.shape != (3, 3) or not np.isfinite(covariance).all():
+        raise PriorError('prior holds NaN or infinity; expected finite x, y, yaw and covariance')
+    symmetric = 0.5 * (covariance + covariance.T)
+    if np.any(np.diag(symmetric) <= 0.0) or np.linalg.eigvalsh(symmetric)[0] <= 0.0:
+        raise PriorError(
+            'prior covariance is not positive definite (variances '
+            f'{", ".join(f"{value:g}" for value in np.diag(symmetric))}); '
+            'expected variances of x, y and yaw above zero'
+        )
+    return Belief(stamp_ns, Pose2(pose.x, pose.y, wrap_angle(pose.yaw)), symmetric)
+
+
+class Tracker:
+    """
+    Keeps the belief between frames.
+
+    Parameters
+    ----------
+    motion : Motion
+        Noise of the motion between frames.
+
+    """
+
+    def __init__(self, motion: Motion) -> None:
+        self._noise = motion
+        self.odometry = OdometryBuffer(motion)
+        self.belief: Belief | None = None
+        self.prediction_source = 'none'
+        self._velocity: Pose2 | None = None  # per second, base axes
+        self._last_fix: Belief | None = None
+
+    def configure(self, motion: Motion) -> None:
+        """Change the noise of the motion."""
+        self._noise = motion
+        self.odometry.limits = motion
+
+    def reset(self, belief: Belief | None) -> None:
+        """Start again from a belief, or from none."""
+        self.belief = belief
+        self._velocity = None
+        self._last_fix = None
+
+    def predict(self, stamp_ns: int) -> Belief | None:
+        """Return the belief moved to a stamp; None without one."""
+        if self.belief is None:
+            return None
+        elapsed = max((stamp_ns - self.belief.stamp_ns) * 1e-9, 0.0)
+        motion = self._motion(stamp_ns, elapsed)
+        return _moved(self.belief, stamp_ns, motion, self._motion_covariance(motion, elapsed))
+
+    def _motion(self, stamp_ns: int, elapsed: float) -> Pose2:
+        assert self.belief is not None
+        measured = self.odometry.motion(self.belief.stamp_ns, stamp_ns)
+        if measured is not None:
+            self.prediction_source = 'odometry'
+            return measured
+        if self._velocity is not None and elapsed < HELD_VELOCITY_S:
+            self.prediction_source = 'constant velocity'
+            return _scaled(self._velocity, elapsed)
+        self.prediction_source = 'standstill'
+        return Pose2(0.0, 0.0, 0.0)
+
+    def _motion_covariance(self, motion: Pose2, elapsed: float) -> Floats:
+        driven = math.hypot(motion.x, motion.y)
+        noise = self._noise
+        blind = 1.0 if self.prediction_source == 'odometry' else 5.0
+        xy = (noise.sigma_xy_per_m * driven) ** 2 + (blind * noise.sigma_xy_per_s * elapsed) ** 2
+        yaw = (noise.sigma_yaw_per_m * driven) ** 2 + (
+            blind * noise.sigma_yaw_per_s * elapsed
+        ) ** 2
+        return np.diag([xy, xy, yaw])
+
+    def correct(self, prior: Belief, measured: Belief, *, fuse: bool) -> Belief:
+        """
+        Take a match into the belief and return it.
+
+        Parameters
+        ----------
+        prior : Belief
+            Prediction at the frame's stamp.
+        measured : Belief
+            The match; where it contradicts the prediction beyond the gate it stands alone.
+        fuse : bool
+            False: the match stands alone.
+
+        Returns
+        -------
+        Belief
+            What is believed now.
+
+        """
+        innovation = difference(measured.pose, prior.pose)
+        total = prior.covariance + measured.covariance
+        agrees = innovation @ np.linalg.solve(total, innovation) < GATE_SQ
+        belief = _fused(prior, measured, innovation, total) if fuse and agrees else measured
+        self._learn_velocity(belief)
+        self.belief = belief
+        return belief
+
+    def miss(self, prior: Belief) -> None:
+        """Carry the prediction on where a frame gave no match."""
+        self.belief = prior
+
+    def _learn_velocity(self, fix: Belief) -> None:
+        if self._last_fix is not None:
+            elapsed = (fix.stamp_ns - self._last_fix.stamp_ns) * 1e-9
+            if 0.0 < elapsed < HELD_VELOCITY_S:
+                step = self._last_fix.pose.inverse() @ fix.pose
+                self._velocity = _scaled(step, 1.0 / elapsed)
+        self._last_fix = fix
+
+
+def _scaled(motion: Pose2, factor: float) -> Pose2:
+    return Pose2(motion.x * factor, motion.y * factor, motion.yaw * factor)
+
+
+def _moved(belief: Belief, stamp_ns: int, motion: Pose2, motion_covariance: Floats) -> Belief:
+    pose = belief.pose @ motion
+    shift = np.eye(3)
+    shift[0, 2], shift[1, 2] = -(pose.y - belief.pose.y), pose.x - belief.pose.x
+    turn = np.eye(3)
+    turn[:2, :2] = belief.pose.rotation()
+    covariance = shift @ belief.covariance @ shift.T + turn @ motion_covariance @ turn.T
+    return Belief(stamp_ns, pose, covariance)
+
+
+def _fused(prior: Belief, measured: Belief, innovation: Floats, total: Floats) -> Belief:
+    gain = np.linalg.solve(total, prior.covariance).T
+    step = gain @ innovation
+    keep = np.eye(3) - gain
+    covariance = keep @ prior.covariance @ keep.T + gain @ measured.covariance @ gain.T
+    pose = Pose2(
+        prior.pose.x + float(step[0]), prior.pose.y + float(step[1]),
+        wrap_angle(prior.pose.yaw + float(step[2])),
+    )
+    return Belief(measured.stamp_ns, pose, 0.5 * (covariance + covariance.T))

@@ -1,0 +1,196 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Messages → localizer calls, in one place for the node and for bag replay.
+
+Nothing here raises on a bad message: what is wrong is in the `Estimate` of the frame, or in
+`complaints`, by concern, until a good message of that concern clears it.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from gip_localizer.core.arrays import Grey
+from gip_localizer.core.camera import Calibration, CameraModel, Extrinsics
+from gip_localizer.core.estimate import Estimate, Status
+from gip_localizer.core.localizer import Localizer
+from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.errors import CalibrationError, GipError, ImageError
+from gip_localizer.io import messages
+from gip_localizer.io.images import compressed_grey_image, Grey, grey_image
+from gip_localizer.parameters import Parameters
+
+SIZE_SLACK = 1  # px by which an image may differ from its calibration (rounding of binning)
+
+
+class Frontend:
+    """
+    Feeds messages to a localizer.
+
+    Parameters
+    ----------
+    raster_map : RasterMap
+        The map.
+    parameters : Parameters
+        All tunables.
+
+    Attributes
+    ----------
+    localizer : Localizer
+        The core.
+    complaints : dict
+        Concern (camera_info, odom, initialpose) → what is wrong with its last message.
+    counts : dict
+        Messages per topic, and how many of them were refused (`<topic>_refused`).
+
+    """
+
+    def __init__(self, raster_map: RasterMap, parameters: Parameters) -> None:
+        self.localizer = Localizer(raster_map, parameters)
+        self.complaints: dict[str, str] = {}
+        self.counts: dict[str, int] = {}
+        self._calibration: Calibration | None = None
+        self._info_raw: tuple[object, ...] | None = None
+        self._camera: CameraModel | None = None
+
+    @property
+    def parameters(self) -> Parameters:
+        """The parameters in force."""
+        return self.localizer.parameters
+
+    def configure(self, parameters: Parameters) -> None:
+        """Take new parameters from the next frame on."""
+        self.localizer.configure(parameters)
+        self._camera = None
+
+    def relocalize(self) -> None:
+        """Search the whole map at the next frame."""
+        self.localizer.relocalize()
+
+    def on_camera_info(self, message: Any) -> None:
+        """Take a sensor_msgs/CameraInfo; an unusable one replaces nothing."""
+        self._count('camera_info')
+        raw = _fingerprint(message)
+        if raw == self._info_raw:
+            return
+        try:
+            self._calibration = messages.calibration(message)
+        except (CalibrationError, ValueError) as error:
+            self._complain('camera_info', str(error))
+            return
+        self._info_raw = raw
+        self._camera = None
+        self.complaints.pop('camera_info', None)
+
+    def on_odometry(self, message: Any) -> None:
+        """Take a nav_msgs/Odometry."""
+        self._count('odom')
+        try:
+            sample = messages.odometry(message)
+        except GipError as error:
+            self._complain('odom', str(error))
+            return
+        frame = str(message.child_frame_id)
+        if frame and frame != self.parameters.frames.base:
+            self._complain('odom', (
+                f'odometry is of {frame!r}, expected frames.base {self.parameters.frames.base!r}'
+            ))
+            return
+        if self.localizer.add_odometry(sample):
+            self.complaints.pop('odom', None)
+        else:
+            self._complain('odom', self.localizer.tracker.odometry.complaint)
+
+    def on_initial_pose(self, message: Any) -> None:
+        """Take a geometry_msgs/PoseWithCovarianceStamped as the prior."""
+        self._count('initialpose')
+        try:
+            self._set_prior(message)
+        except GipError as error:
+            self._complain('initialpose', f'{error}; the last belief stays')
+        else:
+            self.complaints.pop('initialpose', None)
+
+    def _set_prior(self, message: Any) -> None:
+        frame, expected = str(message.header.frame_id), self.parameters.frames.map
+        if frame.lstrip('/') != expected.lstrip('/'):
+            raise messages.PoseMessageError(
+                f'initialpose is in frame {frame!r}; expected {expected!r}'
+            )
+        pose = messages.planar_pose(message.pose.pose)
+        if not bool(self.localizer.raster_map.contains(np.array([pose.x, pose.y]))):
+            low_x, low_y, high_x, high_y = self.localizer.raster_map.bounds
+            raise messages.PoseMessageError(
+                f'initialpose ({pose.x:.1f}, {pose.y:.1f}) is outside the map '
+                f'(x {low_x:.1f} to {high_x:.1f}, y {low_y:.1f} to {high_y:.1f})'
+            )
+        covariance = messages.planar_covariance(message.pose.covariance)
+        self.localizer.set_prior(messages.stamp_ns(message.header), pose, covariance)
+
+    def on_image(self, message: Any) -> Estimate:
+        """Localize a sensor_msgs/Image."""
+        return self._on_frame(message, grey_image)
+
+    def on_compressed_image(self, message: Any) -> Estimate:
+        """Localize a sensor_msgs/CompressedImage."""
+        return self._on_frame(message, compressed_grey_image)
+
+    def _on_frame(self, message: Any, decode: Callable[[Any], Grey]) -> Estimate:
+        self._count('image')
+        stamp = messages.stamp_ns(message.header)
+        if self._calibration is None:
+            wrong = self.complaints.get('camera_info', 'no camera_info received yet')
+            return Estimate(stamp, Status.NO_CALIBRATION, wrong)
+        try:
+            image = decode(message)
+            camera = self._camera_for(image)
+        except ImageError as error:
+            self._refuse('image')
+            return Estimate(stamp, Status.BAD_IMAGE, str(error))
+        except CalibrationError as error:
+            self._refuse('image')
+            return Estimate(stamp, Status.NO_CALIBRATION, str(error))
+        return self.localizer.update(stamp, image, camera)
+
+    def _camera_for(self, image: Grey) -> CameraModel:
+        if self._camera is None:
+            assert self._calibration is not None
+            pose = self.parameters.camera
+            extrinsics = Extrinsics(pose.x, pose.y, pose.z, pose.roll, pose.pitch, pose.yaw)
+            self._camera = CameraModel(self._calibration, extrinsics, rectified=pose.rectified)
+        camera = self._camera
+        height, width = image.shape
+        if (width, height) == (camera.width, camera.height):
+            return camera
+        if max(abs(width - camera.width), abs(height - camera.height)) > SIZE_SLACK:
+            raise CalibrationError(
+                f'the image is {width}x{height}, its CameraInfo is for '
+                f'{camera.width}x{camera.height}; publish the CameraInfo of this camera and mode'
+            )
+        return camera.with_image_size(width, height)
+
+    def _count(self, topic: str) -> None:
+        self.counts[topic] = self.counts.get(topic, 0) + 1
+
+    def _refuse(self, topic: str) -> None:
+        self._count(f'{topic}_refused')
+
+    def _complain(self, concern: str, text: str) -> None:
+        self._refuse(concern)
+        self.complaints[concern] = text
+
+
+def _fingerprint(message: Any) -> tuple[object, ...]:
+    """Return the CameraInfo's content without its header, to tell a change."""
+    roi = message.roi
+    matrices = [getattr(message, name, None) for name in ('k', 'd', 'p', 'r')]
+    return (
+        message.width, message.height, message.distortion_model, message.binning_x,
+        message.binning_y, roi.x_offset, roi.y_offset, roi.width, roi.height,
+        *(None if m is None else tuple(float(v) for v in m) for m in matrices),
+    )

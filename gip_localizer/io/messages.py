@@ -1,0 +1,109 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Messages → the core's types. Duck-typed: rclpy and rosbags messages both pass."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.camera import Calibration
+from gip_localizer.core.odometry import OdometrySample
+from gip_localizer.core.pose import Pose2
+from gip_localizer.errors import CalibrationError, GipError
+
+PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and rotation about z of a 6 x 6 covariance
+MAX_IMAGE_SIDE = 65536
+
+
+class PoseMessageError(GipError):
+    """A pose message holds no usable pose."""
+
+
+def stamp_ns(header: Any) -> int:
+    """Return the stamp of a std_msgs/Header in nanoseconds."""
+    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+
+
+def planar_pose(pose: Any) -> Pose2:
+    """
+    Return x, y and yaw of a geometry_msgs/Pose.
+
+    Raises
+    ------
+    PoseMessageError
+        NaN, or a quaternion whose length is not 1 (0.1 is forgiven).
+
+    """
+    q = pose.orientation
+    numbers = (pose.position.x, pose.position.y, q.x, q.y, q.z, q.w)
+    if not all(math.isfinite(value) for value in numbers):
+        raise PoseMessageError('pose holds NaN or infinity')
+    norm = math.sqrt(q.x**2 + q.y**2 + q.z**2 + q.w**2)
+    if abs(norm - 1.0) > 0.1:
+        raise PoseMessageError(f'orientation quaternion has length {norm:.3g}; expected 1')
+    yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), norm**2 - 2.0 * (q.y**2 + q.z**2))
+    return Pose2(float(pose.position.x), float(pose.position.y), yaw)
+
+
+def planar_covariance(covariance: Any) -> Floats:
+    """Return the (3, 3) part for x, y, yaw of a 6 x 6 row-major covariance (REP 103)."""
+    full = np.asarray(covariance, float).reshape(6, 6)
+    return full[PLANAR]
+
+
+def full_covariance(covariance: Floats, *, unobserved: float) -> Floats:
+    """Return a (36,) covariance: (3, 3) for x, y, yaw; `unobserved` variance for the rest."""
+    full = np.diag(np.full(6, unobserved))
+    full[PLANAR] = covariance
+    return full.ravel()
+
+
+def quaternion_of_yaw(yaw: float) -> tuple[float, float, float, float]:
+    """Return x, y, z, w."""
+    return 0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+
+
+def odometry(message: Any) -> OdometrySample:
+    """Return a nav_msgs/Odometry as a sample (raises PoseMessageError)."""
+    twist = message.twist.twist
+    return OdometrySample(
+        stamp_ns(message.header), planar_pose(message.pose.pose),
+        float(twist.linear.x), float(twist.linear.y), float(twist.angular.z),
+    )
+
+
+def calibration(message: Any) -> Calibration:
+    """
+    Return the numbers of a sensor_msgs/CameraInfo.
+
+    rclpy spells the matrices in lower case (`k`), rosbags and ROS 1 in upper case in old types.
+
+    Raises
+    ------
+    CalibrationError
+        Uncalibrated or unusable (see `Calibration`).
+
+    """
+    def numbers(name: str) -> Floats:
+        values = getattr(message, name) if hasattr(message, name) else getattr(
+            message, name.upper()
+        )
+        return np.asarray(values, float)
+
+    width, height = int(message.width), int(message.height)
+    if max(width, height) > MAX_IMAGE_SIDE:
+        raise CalibrationError(f'CameraInfo size {width}x{height} is absurd; recalibrate')
+    roi = message.roi
+    rotation = numbers('r').reshape(3, 3)
+    return Calibration(
+        width, height, numbers('k').reshape(3, 3), numbers('d').ravel(),
+        numbers('p').reshape(3, 4)[:, :3].copy(),
+        str(message.distortion_model),
+        rotation if rotation.any() else np.eye(3),
+        (max(int(message.binning_x), 1), max(int(message.binning_y), 1)),
+        (int(roi.x_offset), int(roi.y_offset), int(roi.width), int(roi.height)),
+    )
