@@ -1,0 +1,129 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Every setting of the synthetic camera, once: default, unit, bounds and meaning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gip_localizer.errors import ParameterError
+from gip_localizer.parameter_specs import group, ParameterGroup
+from gip_localizer.parameter_specs import parameter as p
+from gip_localizer.parameters import Camera, Frames
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The world that is rendered, and the map that is made of it."""
+
+    name: str = p('road', 'World: road, tiles, or the YAML file of a map.', read_only=True)
+    seed: int = p(0, 'Seed of the world.', low=0, high=2**31 - 1, read_only=True)
+    resolution: float = p(0.025, 'Side of a cell of the made worlds.', unit='m', low=0.002,
+                          high=1.0, read_only=True)
+    join: int = p(2, 'Cells of the world, a side, that become one cell of the map.', low=1,
+                  high=100, read_only=True)
+    origin_yaw: float = p(0.0, 'Yaw of the grid of the made worlds in the map frame.',
+                          unit='rad', low=-3.2, high=3.2, read_only=True)
+    tile_side: float = p(0.3, 'Side of a painted square.', unit='m', low=0.01, high=10.0,
+                         read_only=True)
+    tile_amplitude: float = p(0.25, 'Squares are mean grey plus or minus this.', low=0.0,
+                              high=0.45, read_only=True)
+    changed: float = p(0.0, 'Share of the area that changed since it was mapped.', low=0.0,
+                       high=0.9, read_only=True)
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Size of the image and lens; the principal point is the image's middle."""
+
+    width: int = p(1280, 'Width of the image.', unit='px', low=16, high=8192, read_only=True)
+    height: int = p(720, 'Height of the image.', unit='px', low=16, high=8192, read_only=True)
+    focal: float = p(900.0, 'Focal length.', unit='px', low=5.0, high=50000.0, read_only=True)
+    model: str = p('plumb_bob', 'Distortion model.', choices=('plumb_bob', 'equidistant'),
+                   read_only=True)
+    k1: float = p(0.0, 'Distortion.', low=-2.0, high=2.0, read_only=True)
+    k2: float = p(0.0, 'Distortion.', low=-2.0, high=2.0, read_only=True)
+    p1: float = p(0.0, 'Distortion (plumb_bob).', low=-1.0, high=1.0, read_only=True)
+    p2: float = p(0.0, 'Distortion (plumb_bob).', low=-1.0, high=1.0, read_only=True)
+    k3: float = p(0.0, 'Distortion.', low=-2.0, high=2.0, read_only=True)
+    k4: float = p(0.0, 'Distortion (equidistant).', low=-2.0, high=2.0, read_only=True)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Exposure and noise, in shares of full scale."""
+
+    gain: float = p(1.1, 'Exposure: full scale per unit of brightness.', low=0.0, high=100.0)
+    offset: float = p(0.02, 'Black level.', low=-1.0, high=1.0)
+    vignetting: float = p(0.2, 'Light lost in the corners.', low=0.0, high=1.0)
+    full_well: float = p(10000.0, 'Electrons at full scale; 0: no shot noise.', low=0.0,
+                         high=1e9)
+    read_noise: float = p(0.004, 'Standard deviation of white noise.', low=0.0, high=10.0)
+    exposure_time: float = p(0.002, 'Time in which the image smears with the motion.', unit='s',
+                             low=0.0, high=1.0)
+    bits: int = p(8, 'Depth of the image, 8 or 16.', low=8, high=16, read_only=True)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Where the vehicle goes."""
+
+    trajectory: str = p('loop', 'loop (along the lane), line (straight on), or a TUM file.',
+                        read_only=True)
+    speed: float = p(5.0, 'Speed on loop and line; a TUM file has its own.', unit='m/s',
+                     low=0.0, high=100.0, read_only=True)
+    start: float = p(0.0, 'Where to start, along the lane.', unit='m', low=0.0, high=1e6,
+                     read_only=True)
+
+
+@dataclass(frozen=True)
+class Odometry:
+    """What the wheels say."""
+
+    rate: float = p(50.0, 'Messages per second.', unit='Hz', low=0.1, high=1000.0,
+                    read_only=True)
+    noise_xy: float = p(0.01, 'Random walk of the position.', unit='m/√m', low=0.0, high=10.0,
+                        read_only=True)
+    noise_yaw: float = p(0.001, 'Random walk of the heading.', unit='rad/√m', low=0.0, high=1.0,
+                         read_only=True)
+    scale_error: float = p(0.005, 'Share by which distances are overstated.', low=-0.5,
+                           high=0.5, read_only=True)
+    yaw_drift: float = p(0.0003, 'Heading lost steadily.', unit='rad/m', low=-1.0, high=1.0,
+                         read_only=True)
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """What is not in the map or the calibration."""
+
+    pitch: float = p(0.0, 'Amplitude of hidden pitch (suspension).', unit='rad', low=0.0,
+                     high=0.05)
+    roll: float = p(0.0, 'Amplitude of hidden roll.', unit='rad', low=0.0, high=0.05)
+    height: float = p(0.0, 'Amplitude of hidden height.', unit='m', low=0.0, high=0.2)
+    cars: float = p(0.0, 'Share of the road in view that cars hide.', low=0.0, high=0.7)
+    glare: float = p(0.0, 'Brightness that a low sun adds.', low=0.0, high=5.0)
+    rain: float = p(0.0, 'Rain; 1 is a downpour.', low=0.0, high=2.0)
+
+
+@dataclass(frozen=True)
+class SyntheticCameraParameters(ParameterGroup):
+    """All parameters of the node `synthetic_camera`."""
+
+    seed: int = p(0, 'Seed of noise, odometry, traffic and weather.', low=0, high=2**31 - 1,
+                  read_only=True)
+    rate: float = p(10.0, 'Images per second.', unit='Hz', low=0.01, high=1000.0, read_only=True)
+    world: Ground = group(Ground)
+    frames: Frames = group(Frames)
+    camera: Camera = group(Camera)
+    lens: Lens = group(Lens)
+    sensor: Sensor = group(Sensor)
+    drive: Drive = group(Drive)
+    odometry: Odometry = group(Odometry)
+    disturbance: Disturbance = group(Disturbance)
+
+    def check(self) -> None:
+        """Judge what no range can say (raises ParameterError)."""
+        if self.sensor.bits not in (8, 16):
+            raise ParameterError(
+                f'parameter sensor.bits: got {self.sensor.bits}, expected 8 or 16'
+            )

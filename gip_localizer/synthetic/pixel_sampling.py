@@ -1,0 +1,216 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+How many road samples a pixel takes, and where inside the pixel.
+
+A pixel shows the mean of the road over its footprint. Near the camera a footprint is smaller
+than a cell of the world and one sample is enough; far away it is metres long and centimetres
+wide. So each pixel is divided into nu x nv strata of its own, and looks the road up in a level
+of an image pyramid no coarser than half of the footprint's short side. Nothing here knows of
+bird's-eye views: the renderer must not share a shortcut with what it tests.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gip_localizer.core.camera import CameraModel
+
+Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+Ints = NDArray[np.int64]
+
+_STEPS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 256, 512, 1024])
+"""Numbers of strata that occur; few of them, so that pixels share groups."""
+_ROW = 1024
+"""Samples in a row of `SampleGroup.rays`."""
+_SKY = 0.03
+"""Rays that rise more than this (rad) above the horizon are never sampled."""
+_HAZE = -0.004
+"""Rays above this elevation (rad) meet the road too far away for their detail to matter."""
+
+
+@dataclass(frozen=True)
+class Quality:
+    """
+    How finely the road is sampled.
+
+    Attributes
+    ----------
+    spacing : float
+        Largest distance of neighbouring samples, in cells of the level looked up.
+    short_side : float
+        Cells of the level that fit in the short side of a footprint, at least (levels above 0).
+    least : int
+        Least number of strata along each side of a pixel.
+    most : int
+        Most samples per pixel; beyond it a coarser level is taken, and fewer at the coarsest.
+    max_level : int
+        Coarsest level of the pyramid.
+
+    """
+
+    spacing: float
+    short_side: float
+    least: int
+    most: int
+    max_level: int
+
+
+FAST = Quality(spacing=0.75, short_side=2.0, least=1, most=48, max_level=5)
+EXACT = Quality(spacing=0.5, short_side=2.0, least=3, most=2048, max_level=0)
+
+
+@dataclass(frozen=True, eq=False)
+class SampleGroup:
+    """
+    Pixels that are sampled alike.
+
+    Attributes
+    ----------
+    pixels : (m,) int64
+        Flat indices in the image.
+    samples : int
+        Samples per pixel, n.
+    level : int
+        Pyramid level to look up.
+    rays : (rows, 1024, 2) float32
+        Undistorted normalised coordinates of the n x m samples, sample by sample, in rows
+        because OpenCV limits the sides of an image; the last is repeated to fill them.
+
+    """
+
+    pixels: Ints
+    samples: int
+    level: int
+    rays: Floats32
+
+
+class PixelGrid:
+    """
+    The rays at the corners of a camera's pixels, and the footprints they span.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Lens and pose in the base frame.
+
+    """
+
+    def __init__(self, camera: CameraModel) -> None:
+        self.shape = (camera.height, camera.width)
+        u, v = np.meshgrid(np.arange(camera.width + 1) - 0.5, np.arange(camera.height + 1) - 0.5)
+        rays, valid = camera.rays(np.column_stack([u.ravel(), v.ravel()]))
+        corner = (camera.height + 1, camera.width + 1)
+        self._rays = np.where(valid[:, None], rays, 0.0).reshape(*corner, 2)
+        seen = valid.reshape(corner)
+        self.visible = seen[:-1, :-1] & seen[1:, :-1] & seen[:-1, 1:] & seen[1:, 1:]
+        self.centres = self._at(np.arange(camera.width * camera.height), 0.5, 0.5)
+
+    def footprints(self, camera: CameraModel) -> tuple[Floats, Floats, Floats]:
+        """
+        Sides of the pixels' footprints on the road under a flat world.
+
+        Returns
+        -------
+        along_u, along_v : (n,) float64
+            Lengths of the footprint's sides, metres; inf at and above the horizon.
+        rise : (n,) float64
+            Sine of the ray's elevation, negative below the horizon.
+
+        """
+        pixels = np.arange(self.centres.shape[0])
+        rotation, height = camera.R_base_camera, camera.extrinsics.z
+        d = self.centres @ rotation[:, :2].T + rotation[:, 2]
+        norm = np.linalg.norm(d, axis=1)
+        sides = []
+        for (u0, v0), (u1, v1) in (((0, 0.5), (1, 0.5)), ((0.5, 0), (0.5, 1))):
+            step = (self._at(pixels, u1, v1) - self._at(pixels, u0, v0)) @ rotation[:, :2].T
+            slope = np.minimum(d[:, 2], -1e-4 * norm)
+            shift = height * (step[:, :2] - d[:, :2] * (step[:, 2] / slope)[:, None])
+            sides.append(np.linalg.norm(shift / slope[:, None], axis=1))
+        return sides[0], sides[1], d[:, 2] / norm
+
+    def rays_in(self, pixels: Ints, strata: tuple[int, int]) -> Floats32:
+        """Return the rays (nu * nv, m, 2) at the centres of pixels' strata."""
+        nu, nv = strata
+        fu, fv = (np.arange(nu) + 0.5) / nu, (np.arange(nv) + 0.5) / nv
+        rays = [self._at(pixels, float(a), float(b)) for b in fv for a in fu]
+        return np.asarray(rays, np.float32)
+
+    def _at(self, pixels: Ints, fu: float, fv: float) -> Floats:
+        """Return the rays (m, 2) at a fraction of each pixel, bilinear between its corners."""
+        row, col = np.divmod(pixels, self.shape[1])
+        r = self._rays
+        top = (1 - fu) * r[row, col] + fu * r[row, col + 1]
+        bottom = (1 - fu) * r[row + 1, col] + fu * r[row + 1, col + 1]
+        return np.asarray((1 - fv) * top + fv * bottom, float)
+
+
+def sample_groups(
+    grid: PixelGrid, camera: CameraModel, cell: float, quality: Quality, *, chunk: int = 1 << 40
+) -> Iterator[SampleGroup]:
+    """
+    Yield the pixels that can see the road, grouped by how they are sampled.
+
+    Parameters
+    ----------
+    grid : PixelGrid
+        Rays of the camera's pixels.
+    camera : CameraModel
+        Its nominal pose fixes the numbers of samples.
+    cell : float
+        Side of a cell of the world, metres.
+    quality : Quality
+        Sampling density.
+    chunk : int
+        Most samples in one group.
+
+    """
+    along_u, along_v, rise = grid.footprints(camera)
+    candidates = np.flatnonzero((rise < _SKY) & grid.visible.ravel())
+    far = rise[candidates] > _HAZE
+    sides = [np.where(far, 0.0, side[candidates]) for side in (along_u, along_v)]
+    level, nu, nv = _strata(sides[0], sides[1], cell, quality)
+    keys = (level * 4096 + nu) * 4096 + nv
+    for key in np.unique(keys):
+        members = candidates[keys == key]
+        at, strata = int(key >> 24), (int(key >> 12) & 4095, int(key) & 4095)
+        most = max(1, chunk // (strata[0] * strata[1]))
+        for start in range(0, len(members), most):
+            pixels = members[start : start + most]
+            rays = _in_rows(grid.rays_in(pixels, strata).reshape(-1, 2))
+            yield SampleGroup(pixels, strata[0] * strata[1], at, rays)
+
+
+def _strata(
+    along_u: Floats, along_v: Floats, cell: float, quality: Quality
+) -> tuple[Ints, Ints, Ints]:
+    """Return level, nu and nv for footprints with the given sides."""
+    short = np.maximum(np.minimum(along_u, along_v) / (cell * quality.short_side), 1.0)
+    level = np.minimum(np.log2(short).astype(np.int64), quality.max_level)
+    nu, nv = (_count(side, level, cell, quality) for side in (along_u, along_v))
+    for _ in range(quality.max_level):
+        level = np.where((nu * nv > quality.most) & (level < quality.max_level), level + 1, level)
+        nu, nv = (_count(side, level, cell, quality) for side in (along_u, along_v))
+    nu = np.minimum(nu, quality.most)
+    return level, nu, np.minimum(nv, quality.most // nu)
+
+
+def _count(side: Floats, level: Ints, cell: float, quality: Quality) -> Ints:
+    """Return how many strata keep samples within the spacing, rounded up to a known step."""
+    needed = np.ceil(side / (quality.spacing * cell * 2.0**level) - 1e-9)
+    needed = np.maximum(needed, quality.least)
+    return _STEPS[np.minimum(np.searchsorted(_STEPS, needed), len(_STEPS) - 1)]
+
+
+def _in_rows(rays: Floats32) -> Floats32:
+    """Return rays (n, 2) as (rows, 1024, 2), the last one repeated to fill the rows."""
+    missing = -len(rays) % _ROW
+    filled = np.concatenate([rays, np.repeat(rays[-1:], missing, axis=0)])
+    return filled.reshape(-1, _ROW, 2)

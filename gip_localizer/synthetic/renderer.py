@@ -1,0 +1,212 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A camera over a flat painted world: each pixel is the mean of the world over its footprint.
+
+The world between cell centres is the bilinear interpolation of its cells. Rays are cast through
+strata of every pixel, met with the road, and looked up; their mean is the pixel.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from gip_localizer.core.camera import CameraModel, Extrinsics
+from gip_localizer.core.pose import Pose2
+from gip_localizer.core.raster_map import RasterMap, WHITE
+from gip_localizer.errors import MapError
+from gip_localizer.synthetic.pixel_sampling import (
+    EXACT,
+    FAST,
+    PixelGrid,
+    sample_groups,
+    SampleGroup,
+)
+
+Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+
+_CHUNK = 4_000_000
+"""Samples that the exact renderer holds at once."""
+_SWING = 0.06
+"""How far (rad, about) the horizon may move from its nominal place in a frame."""
+OFF_MAP = 0.30
+"""Reflectance of the road beyond the world's edge and where the world holds no data."""
+
+
+class Renderer:
+    """
+    Renders what a camera sees of a world, without light, lens shading or noise.
+
+    Parameters
+    ----------
+    world : RasterMap
+        Reflectance of the road; no data is shown as plain grey.
+    camera : CameraModel
+        Lens and nominal pose in the base frame.
+    exact : bool
+        True: dense samples of the world itself (seconds per frame; for tests). False: the
+        image pyramid, for live use.
+
+    Raises
+    ------
+    MapError
+        The world has more than 32766 cells along a side.
+
+    """
+
+    def __init__(self, world: RasterMap, camera: CameraModel, *, exact: bool = False) -> None:
+        if max(world.grey.shape) > 32766:
+            raise MapError(
+                f'world of {world.grey.shape[1]} x {world.grey.shape[0]} cells; '
+                'expected at most 32766 a side: cut the map, or give it larger cells'
+            )
+        self.camera = camera
+        self.exact = exact
+        self._world = world
+        self._grid = PixelGrid(camera)
+        self._upper = _upper_pixels(self._grid, camera)
+        grey = _filled(world)
+        self._levels = [grey] if exact else _pyramid(grey, FAST.max_level)
+        quality = EXACT if exact else FAST
+        self._quality = quality
+        groups = sample_groups(self._grid, camera, world.resolution, quality, chunk=_CHUNK)
+        self._groups = None if exact else list(groups)
+
+    def render(self, pose: Pose2, extrinsics: Extrinsics | None = None) -> Floats32:
+        """
+        Return the image seen from a pose.
+
+        Parameters
+        ----------
+        pose : Pose2
+            T_map_base.
+        extrinsics : Extrinsics, optional
+            Where the camera is in this frame (suspension); the nominal place if not given.
+
+        Returns
+        -------
+        (height, width) float32
+            Reflectance in [0, 1]; a grey sky above the horizon, black outside the lens.
+
+        """
+        extrinsics = extrinsics or self.camera.extrinsics
+        R_base_camera = self._rotation(extrinsics)
+        image = np.zeros(self._grid.shape[0] * self._grid.shape[1], np.float32)
+        H_cell_ray = self._cells_from_rays(pose, extrinsics, R_base_camera)
+        look_up = self._look_up_exact if self.exact else self._look_up
+        for group in self._groups or self._chunks():
+            image[group.pixels] = look_up(group, H_cell_ray)
+        self._paint_sky(image, R_base_camera)
+        return image.reshape(self._grid.shape)
+
+    def render_moving(
+        self, poses: Sequence[Pose2], extrinsics: Extrinsics | None = None
+    ) -> Floats32:
+        """Return the mean of the images from several poses: what a moving camera exposes."""
+        total = self.render(poses[0], extrinsics)
+        for pose in poses[1:]:
+            total += self.render(pose, extrinsics)
+        return total / np.float32(len(poses))
+
+    def _rotation(self, extrinsics: Extrinsics) -> Floats:
+        """Return R_base_camera with the camera held by other extrinsics."""
+        nominal = self.camera.extrinsics.rotation()
+        return extrinsics.rotation() @ nominal.T @ self.camera.R_base_camera
+
+    def _cells_from_rays(
+        self, pose: Pose2, extrinsics: Extrinsics, R_base_camera: Floats
+    ) -> Floats:
+        """Homography from normalised rays (x, y, 1) to the world's (column, row), (3, 3)."""
+        h = extrinsics.z
+        road = np.vstack([
+            -h * R_base_camera[0] + extrinsics.x * R_base_camera[2],
+            -h * R_base_camera[1] + extrinsics.y * R_base_camera[2],
+            R_base_camera[2],
+        ])
+        T_grid_base = self._world.origin.inverse() @ pose
+        to_grid = np.eye(3)
+        to_grid[:2, :2], to_grid[:2, 2] = T_grid_base.rotation(), (T_grid_base.x, T_grid_base.y)
+        scale = 1.0 / self._world.resolution
+        rows = self._world.grey.shape[0]
+        to_cell = np.array([[scale, 0.0, -0.5], [0.0, -scale, rows - 0.5], [0.0, 0.0, 1.0]])
+        return np.asarray(to_cell @ to_grid @ road, float)
+
+    def _look_up(self, group: SampleGroup, H_cell_ray: Floats) -> Floats32:
+        """Return the mean sample of each of a group's pixels, (m,)."""
+        samples, count = group.samples, len(group.pixels)
+        shrink = 0.5**group.level
+        to_level = np.diag([shrink, shrink, 1.0])
+        to_level[:2, 2] = 0.5 * shrink - 0.5
+        cells = cv2.perspectiveTransform(group.rays, to_level @ H_cell_ray)
+        values = cv2.remap(
+            self._levels[group.level], cells, None, cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_CONSTANT, borderValue=OFF_MAP,
+        )
+        flat = np.asarray(values, np.float32).reshape(-1)[: samples * count]
+        if samples == 1:
+            return flat
+        return np.asarray(flat.reshape(samples, count).mean(axis=0), np.float32)
+
+    def _look_up_exact(self, group: SampleGroup, H_cell_ray: Floats) -> Floats32:
+        """Return the same from the world itself, in double precision."""
+        count = group.samples * len(group.pixels)
+        rays = group.rays.reshape(-1, 2)[:count].astype(float)
+        homogeneous = rays @ H_cell_ray[:, :2].T + H_cell_ray[:, 2]
+        below = homogeneous[..., 2] < 0.0
+        depth = np.where(below, homogeneous[..., 2], -1e-9)
+        col, row = homogeneous[..., 0] / depth, homogeneous[..., 1] / depth
+        values = map_coordinates(
+            self._levels[0], [row, col], np.float64, order=1, mode='grid-constant', cval=OFF_MAP
+        )
+        seen = np.where(below, values, OFF_MAP).reshape(group.samples, -1)
+        return np.asarray(seen.mean(axis=0), np.float32)
+
+    def _chunks(self) -> Sequence[SampleGroup]:
+        return sample_groups(  # type: ignore[return-value]
+            self._grid, self.camera, self._world.resolution, self._quality, chunk=_CHUNK
+        )
+
+    def _paint_sky(self, image: Floats32, R_base_camera: Floats) -> None:
+        """Blend a sky that darkens upwards over the pixels above the horizon, in place."""
+        pixels, rays = self._upper
+        rise = rays @ R_base_camera[2, :2].astype(np.float32) + np.float32(R_base_camera[2, 2])
+        share = np.clip(rise * np.float32(self.camera.K[1, 1]) + 0.5, 0.0, 1.0)
+        sky = 0.85 - 0.25 * np.clip(rise, 0.0, 1.0)
+        road = image[pixels]
+        image[pixels] = road + share * (sky - road)
+
+
+def _upper_pixels(grid: PixelGrid, camera: CameraModel) -> tuple[NDArray[np.int64], Floats32]:
+    """Return the pixels (n,) that may show sky when the camera swings, and their rays (n, 2)."""
+    rise = grid.centres @ camera.R_base_camera[2, :2] + camera.R_base_camera[2, 2]
+    pixels = np.flatnonzero((rise > -_SWING) & grid.visible.ravel())
+    return pixels, grid.centres[pixels].astype(np.float32)
+
+
+def _filled(world: RasterMap) -> Floats32:
+    """Return the world's reflectance in [0, 1], plain grey where there is no data."""
+    grey = np.asarray(world.grey, np.float32) / np.float32(WHITE[world.grey.dtype])
+    if world.valid is None:
+        return grey
+    return np.where(world.valid, grey, np.float32(OFF_MAP))
+
+
+def _pyramid(grey: Floats32, levels: int) -> list[Floats32]:
+    """Return the world and its halvings; each cell is the mean of the four below it."""
+    pyramid = [grey]
+    for _ in range(levels):
+        finer = pyramid[-1]
+        bottom, right = finer.shape[0] % 2, finer.shape[1] % 2
+        even = cv2.copyMakeBorder(
+            finer, 0, bottom, 0, right, cv2.BORDER_CONSTANT, value=OFF_MAP
+        )
+        size = (even.shape[1] // 2, even.shape[0] // 2)
+        pyramid.append(np.asarray(cv2.resize(even, size, interpolation=cv2.INTER_AREA)))
+    return pyramid

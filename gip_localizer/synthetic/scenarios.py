@@ -1,0 +1,65 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Named conditions: what each changes of the synthetic camera's parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+
+from gip_localizer.errors import ParameterError
+from gip_localizer.parameter_specs import Value
+from gip_localizer.synthetic.parameters import SyntheticCameraParameters
+
+PAPER_CAMERA: dict[str, Value] = {
+    'camera.x': 0.0, 'camera.z': 0.583095, 'camera.pitch': math.radians(35.9020),
+    'lens.width': 640, 'lens.height': 323, 'lens.focal': 320.0 / math.tan(math.radians(35.2644)),
+}
+"""The paper's camera: 58.3 cm high, 35.9° down, 70.5° x 39.3°."""
+
+SCENARIOS: dict[str, dict[str, Value]] = {
+    'clear': {},
+    'night': {
+        'sensor.gain': 0.22, 'sensor.offset': 0.01, 'sensor.vignetting': 0.3,
+        'sensor.full_well': 2000.0, 'sensor.read_noise': 0.004, 'sensor.exposure_time': 0.004,
+    },
+    'distorted': {
+        'lens.k1': -0.3, 'lens.k2': 0.08, 'camera.roll': 0.03, 'camera.yaw': -0.05,
+        'camera.x': 1.2, 'camera.y': 0.3, 'world.origin_yaw': 0.4,
+    },
+    'rain-noise': {
+        'disturbance.rain': 0.8, 'sensor.full_well': 1500.0, 'sensor.read_noise': 0.015,
+    },
+    'glare': {'disturbance.glare': 0.35},
+    'occlusion': {'disturbance.cars': 0.25},
+    'changed': {'world.changed': 0.2},
+    'pitch-bumps': {
+        'disturbance.pitch': math.radians(0.7), 'disturbance.roll': math.radians(0.2),
+        'disturbance.height': 0.01,
+    },
+    'tiles-low-snr': {
+        **PAPER_CAMERA, 'world.name': 'tiles', 'world.tile_side': 0.2,
+        'world.tile_amplitude': 0.1, 'sensor.gain': 1.0, 'sensor.offset': 0.0,
+        'sensor.vignetting': 0.0, 'sensor.full_well': 0.0,
+        'sensor.read_noise': 0.1 * 10.0 ** (3.0 / 20.0), 'sensor.exposure_time': 0.0,
+        'drive.speed': 1.0,
+    },
+}
+"""Scenario → dotted name → value; everything else keeps its default."""
+
+
+def scenario_parameters(
+    name: str, overrides: Mapping[str, object] | None = None
+) -> SyntheticCameraParameters:
+    """
+    Return the parameters of a scenario, with some values of one's own on top.
+
+    Raises
+    ------
+    ParameterError
+        Unknown scenario, or a value that is refused.
+
+    """
+    if name not in SCENARIOS:
+        raise ParameterError(f'scenario {name!r} is unknown; expected {", ".join(SCENARIOS)}')
+    return SyntheticCameraParameters.from_dict({**SCENARIOS[name], **(overrides or {})})

@@ -1,0 +1,173 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""One rendered camera: world, suspension, traffic, weather and sensor, in the order of light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gip_localizer.core.camera import Calibration, CameraModel, Extrinsics
+from gip_localizer.core.pose import Pose2
+from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.synthetic.motions import Twist2
+from gip_localizer.synthetic.parameters import Lens, SyntheticCameraParameters
+from gip_localizer.synthetic.renderer import Renderer
+from gip_localizer.synthetic.sensor import SensorModel
+from gip_localizer.synthetic.traffic import Car, cars_hiding, draw_cars
+from gip_localizer.synthetic.weather import add_glare, add_rain
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_TRAFFIC_STREAM, _WEATHER_STREAM, _BUMP_STREAM = 7002, 7003, 7004
+_PLATOON = 40
+"""Frames after which other cars come into view."""
+_MOST_EXPOSURES = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """
+    An image and what no camera tells.
+
+    Attributes
+    ----------
+    image : (height, width) uint8 or uint16
+        The camera's image.
+    extrinsics : Extrinsics
+        Where the camera really was.
+    hidden : (height, width) bool or None
+        Pixels in which cars hide the road; None without cars.
+
+    """
+
+    image: NDArray[np.unsignedinteger]
+    extrinsics: Extrinsics
+    hidden: Bools | None
+
+
+class SyntheticCamera:
+    """
+    A camera that is held over a world.
+
+    Parameters
+    ----------
+    parameters : SyntheticCameraParameters
+        Lens, pose, sensor and disturbances.
+    world : RasterMap
+        The world as it is now.
+    exact : bool
+        True: dense sampling, seconds per frame.
+
+    """
+
+    def __init__(
+        self, parameters: SyntheticCameraParameters, world: RasterMap, *, exact: bool = False
+    ) -> None:
+        self.parameters = parameters
+        held = parameters.camera
+        extrinsics = Extrinsics(held.x, held.y, held.z, held.roll, held.pitch, held.yaw)
+        calibration = make_calibration(parameters.lens)
+        self.camera = CameraModel(calibration, extrinsics, rectified=held.rectified)
+        self._renderer = Renderer(world, self.camera, exact=exact)
+        self._resolution = world.resolution
+        self._platoons: dict[int, list[Car]] = {}
+
+    @property
+    def calibration(self) -> Calibration:
+        """The numbers that go into CameraInfo."""
+        return self.camera.calibration
+
+    def capture(
+        self, pose: Pose2, frame: int, *, twist: Twist2 | None = None, time: float = 0.0
+    ) -> Capture:
+        """
+        Take an image; the same arguments give the same bytes.
+
+        Parameters
+        ----------
+        pose : Pose2
+            T_map_base in the middle of the exposure.
+        frame : int
+            Index of the frame: with the seed it fixes noise and weather.
+        twist : Twist2, optional
+            Velocity, for motion blur; at rest if not given.
+        time : float
+            Seconds since the start, for the suspension's swing.
+
+        """
+        settings = self.parameters
+        extrinsics = self.extrinsics_at(time)
+        scene = self._renderer.render_moving(self._exposures(pose, twist), extrinsics)
+        hidden = None
+        if settings.disturbance.cars > 0.0:
+            held = self.camera.with_extrinsics(extrinsics)
+            hidden = draw_cars(scene, held, self._traffic(frame))
+        rng = np.random.default_rng([settings.seed, _WEATHER_STREAM, frame])
+        if settings.disturbance.rain > 0.0:
+            add_rain(scene, settings.disturbance.rain, rng)
+        if settings.disturbance.glare > 0.0:
+            add_glare(scene, settings.disturbance.glare, 0.5 + 0.3 * math.cos(pose.yaw))
+        image = self._sensor().capture(scene, settings.seed, frame)
+        return Capture(image, extrinsics, hidden)
+
+    def extrinsics_at(self, time: float) -> Extrinsics:
+        """Return where the swinging suspension holds the camera at a time (s)."""
+        swing = self.parameters.disturbance
+        nominal = self.camera.extrinsics
+        phases = np.random.default_rng([self.parameters.seed, _BUMP_STREAM]).uniform(0, 1, 3)
+        waves = np.sin(2.0 * math.pi * (np.array([1.3, 0.9, 1.7]) * time + phases))
+        return replace(
+            nominal,
+            pitch=nominal.pitch + swing.pitch * float(waves[0]),
+            roll=nominal.roll + swing.roll * float(waves[1]),
+            z=nominal.z + swing.height * float(waves[2]),
+        )
+
+    def _exposures(self, pose: Pose2, twist: Twist2 | None) -> list[Pose2]:
+        """Return poses through the exposure, so near each other that the smear is smooth."""
+        span = self.parameters.sensor.exposure_time
+        if twist is None or span == 0.0:
+            return [pose]
+        reach = math.hypot(twist.forward, twist.left) + 10.0 * abs(twist.turn)
+        count = min(1 + int(reach * span / (0.5 * self._resolution)), _MOST_EXPOSURES)
+        times = span * ((np.arange(count) + 0.5) / count - 0.5)
+        return [
+            pose @ Pose2(twist.forward * t, twist.left * t, twist.turn * t)
+            for t in times.tolist()
+        ]
+
+    def _traffic(self, frame: int) -> list[Car]:
+        """Return the cars around the vehicle, drifting slowly; others every few seconds."""
+        platoon, age = divmod(frame, _PLATOON)
+        if platoon not in self._platoons:
+            rng = np.random.default_rng([self.parameters.seed, _TRAFFIC_STREAM, platoon])
+            cars = cars_hiding(self.camera, self.parameters.disturbance.cars, rng)
+            self._platoons = {platoon: cars}
+        drift = 0.4 * math.sin(2.0 * math.pi * age / _PLATOON)
+        return [
+            replace(car, pose=Pose2(car.pose.x + drift, car.pose.y, car.pose.yaw))
+            for car in self._platoons[platoon]
+        ]
+
+    def _sensor(self) -> SensorModel:
+        s = self.parameters.sensor
+        return SensorModel(s.gain, s.offset, s.vignetting, s.full_well, s.read_noise, s.bits)
+
+
+def make_calibration(lens: Lens) -> Calibration:
+    """Return the numbers of the lens's CameraInfo; P equals K."""
+    K = np.array([
+        [lens.focal, 0.0, (lens.width - 1) / 2.0],
+        [0.0, lens.focal, (lens.height - 1) / 2.0],
+        [0.0, 0.0, 1.0],
+    ])
+    if lens.model == 'equidistant':
+        D = np.array([lens.k1, lens.k2, lens.k3, lens.k4])
+    else:
+        D = np.array([lens.k1, lens.k2, lens.p1, lens.p2, lens.k3])
+    return Calibration(lens.width, lens.height, K, D, K.copy(), lens.model)

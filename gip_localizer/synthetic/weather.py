@@ -1,0 +1,47 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Low sun and rain, painted over the scene before the sensor sees it."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Floats32 = NDArray[np.float32]
+
+
+def add_glare(scene: Floats32, strength: float, bearing: float) -> None:
+    """
+    Add a low sun's bloom, its streak on the road and a veil, in place.
+
+    Parameters
+    ----------
+    scene : (rows, cols) float32
+        Brightness.
+    strength : float
+        Brightness added in the bloom's middle.
+    bearing : float
+        Where the sun stands, share of the image's width from its left edge.
+
+    """
+    rows, cols = scene.shape
+    y, x = np.arange(rows, dtype=np.float32)[:, None], np.arange(cols, dtype=np.float32)[None, :]
+    across = ((x - np.float32(bearing * cols)) / np.float32(0.16 * cols)) ** 2
+    bloom = np.exp(-0.5 * (across + ((y - 0.12 * rows) / (0.35 * rows)) ** 2))
+    streak = np.exp(-0.5 * across * 4.0) * np.exp(-0.5 * ((y - 0.5 * rows) / (0.3 * rows)) ** 2)
+    scene += np.float32(strength) * (bloom + 0.5 * streak + 0.12)
+
+
+def add_rain(scene: Floats32, strength: float, rng: np.random.Generator) -> None:
+    """Darken the wet scene and draw falling streaks (a strength of 1 is a downpour), in place."""
+    scene *= np.float32(1.0 - 0.3 * strength)
+    scene += np.float32(0.08 * strength)
+    rows, cols = scene.shape
+    mask = np.zeros(scene.shape, np.uint8)
+    starts = rng.uniform((-40.0, -40.0), (cols, rows), (round(400 * strength), 2))
+    lengths = rng.uniform(10.0, 45.0, len(starts))
+    for (u, v), length in zip(starts.tolist(), lengths.tolist(), strict=True):
+        end = (round(16 * (u + 0.12 * length)), round(16 * (v + length)))
+        cv2.line(mask, (round(16 * u), round(16 * v)), end, 255, 1, cv2.LINE_AA, 4)
+    scene += mask * np.float32(0.12 * strength / 255.0)

@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Odometry that drifts: the true steps, overstated, bent and shaken, then added up.
+
+Noise is a random walk in the distance driven: over s metres its variance is noise² · s, however
+often the odometry speaks. It starts at the origin of `odom`.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gip_localizer.core.odometry import OdometrySample
+from gip_localizer.core.pose import Pose2
+from gip_localizer.synthetic.motions import Motion
+from gip_localizer.synthetic.parameters import Odometry
+
+Floats = NDArray[np.float64]
+
+_STREAM = 7001
+"""Sets the odometry's random numbers apart from the images'."""
+
+
+@dataclass(frozen=True, eq=False)
+class OdometryReading:
+    """
+    One message of the wheels.
+
+    Attributes
+    ----------
+    sample : OdometrySample
+        Stamp, pose in odom, velocity.
+    pose_covariance, twist_covariance : (3, 3) float64
+        Of (x, y, yaw) and (forward, left, turn).
+
+    """
+
+    sample: OdometrySample
+    pose_covariance: Floats
+    twist_covariance: Floats
+
+
+def odometry_readings(
+    motion: Motion, settings: Odometry, *, seed: int, start_ns: int
+) -> Iterator[OdometryReading]:
+    """Yield readings at the odometry's rate until the motion ends; same seed, same readings."""
+    rng = np.random.default_rng([seed, _STREAM])
+    pose, covariance = Pose2(0.0, 0.0, 0.0), np.diag([1e-6, 1e-6, 1e-8])
+    before = motion.pose(0.0)
+    index = 0
+    while (time := index / settings.rate) <= motion.duration + 1e-9:
+        now = motion.pose(time)
+        step = before.inverse() @ now
+        noisy, variance = _shaken(step, settings, rng)
+        pose, covariance = pose @ noisy, covariance + np.diag(variance)
+        twist = motion.twist(time)
+        sigma = np.sqrt(variance) * settings.rate
+        forward, left, turn = np.array([twist.forward, twist.left, twist.turn]) + (
+            sigma * rng.standard_normal(3)
+        )
+        stamp = start_ns + round(time * 1e9)
+        sample = OdometrySample(stamp, pose, float(forward), float(left), float(turn))
+        yield OdometryReading(sample, covariance.copy(), np.diag(sigma**2 + 1e-6))
+        before = now
+        index += 1
+
+
+def _shaken(
+    step: Pose2, settings: Odometry, rng: np.random.Generator
+) -> tuple[Pose2, Floats]:
+    """Return a step as the wheels report it, and the variance (3,) of its noise."""
+    distance = math.hypot(step.x, step.y)
+    variance = distance * np.array(
+        [settings.noise_xy**2, settings.noise_xy**2, settings.noise_yaw**2]
+    )
+    dx, dy, dyaw = np.sqrt(variance) * rng.standard_normal(3)
+    grown = 1.0 + settings.scale_error
+    yaw = step.yaw + settings.yaw_drift * distance
+    return Pose2(step.x * grown + dx, step.y * grown + dy, yaw + dyaw), variance
