@@ -22,7 +22,7 @@ from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import CalibrationError, GipError, ImageError
 from gip_localizer.io import messages
-from gip_localizer.io.images import compressed_grey_image, Grey, grey_image
+from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.parameters import Parameters
 
 SIZE_SLACK = 1  # px by which an image may differ from its calibration (rounding of binning)
