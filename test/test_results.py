@@ -77,7 +77,7 @@ def test_a_folder_that_no_run_wrote_is_never_replaced(tmp_path):
     out = tmp_path / 'home'
     out.mkdir()
     (out / 'thesis.tex').write_text('years of work')
-    with pytest.raises(OutputError, match='no results folder'):
+    with pytest.raises(OutputError, match='not replaced'):
         write_results(out, noisy_run(), force=True)
     assert names(out) == {'thesis.tex'}
 

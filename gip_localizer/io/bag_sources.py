@@ -59,6 +59,7 @@ class Source(Protocol):
     topics: list[Topic]
     notes: list[str]
     start_ns: int
+    end_ns: int
 
     def messages(self, topics: Collection[str], start_ns: int,
                  stop_ns: int) -> Iterator[BagMessage]:
@@ -90,7 +91,7 @@ class RosbagsSource:
         self.path = path
         self.notes: list[str] = []
         with Reader(path) as reader:
-            self.start_ns = reader.start_time
+            self.start_ns, self.end_ns = reader.start_time, reader.end_time
             self.topics = [
                 Topic(c.topic, c.msgtype, c.msgcount,
                       getattr(c.ext, 'serialization_format', 'cdr'))
@@ -155,6 +156,7 @@ class McapSource:
     def _take(self, summary: Summary) -> None:
         assert summary.statistics is not None
         self.start_ns = summary.statistics.message_start_time
+        self.end_ns = summary.statistics.message_end_time
         counts = summary.statistics.channel_message_counts
         self.topics = [
             Topic(channel.topic, _type_name(summary.schemas.get(channel.schema_id)),
@@ -182,7 +184,7 @@ class McapSource:
                         last = max(last, record.log_time)
         except DAMAGE as error:
             self._note_end(error, sum(counts.values()), ((last - (first or 0)) * 1e-9))
-        self.start_ns = first or 0
+        self.start_ns, self.end_ns = first or 0, last
         self.topics = [
             Topic(channel.topic, _type_name(schemas.get(channel.schema_id)), counts[key],
                   channel.message_encoding)

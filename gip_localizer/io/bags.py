@@ -39,8 +39,8 @@ class Bag:
     ----------
     topics : list of Topic
         By name; counts of all files together.
-    start_ns : int
-        Log time of the first message.
+    start_ns, end_ns : int
+        Log times of the first and of the last message.
 
     Raises
     ------
@@ -64,6 +64,7 @@ class Bag:
             for (name, kind, encoding), count in sorted(counts.items())
         ]
         self.start_ns = min((s.start_ns for s in self._sources if _filled(s)), default=0)
+        self.end_ns = max((s.end_ns for s in self._sources if _filled(s)), default=0)
         self._note_unknown()
 
     @property

@@ -1,0 +1,189 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""`gip replay`: a bag through the localizer, and what came of it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+import re
+import sys
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gip_localizer.core.estimate import Estimate
+    from gip_localizer.evaluation.replay import Replay
+    from gip_localizer.io.bag_topics import Topics
+    from gip_localizer.io.bags import Bag
+    from gip_localizer.io.trajectory import Trajectory
+    from gip_localizer.parameters import Parameters
+
+INTERRUPTED = 130
+DEFAULT_OUT = Path('results/replay')
+
+
+def add_parser(verbs: Any) -> None:
+    """Add the verb to the parser of `gip`."""
+    parser = verbs.add_parser(
+        'replay', help='localize every frame of a bag, without ROS',
+        description='Localize every frame of a bag and write metrics, report and trajectories.',
+    )
+    # A pose that begins with a minus sign is a value, not an option.
+    parser._negative_number_matcher = re.compile(r'^-[\d.][\d.,eE+-]*$')
+    parser.add_argument('bag', nargs='+', type=Path, metavar='BAG',
+                        help='rosbag2 folder, .mcap or .db3 file; several are merged by time')
+    parser.add_argument('--map', type=Path, metavar='YAML',
+                        help='nav2 map YAML (default: map_file of --params, or map.yaml beside '
+                             'the bag)')
+    parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='DIR',
+                        help=f'results folder (default: {DEFAULT_OUT})')
+    parser.add_argument('--force', action='store_true', help='replace results that lie in --out')
+    tune = parser.add_argument_group('parameters')
+    tune.add_argument('--params', type=Path, metavar='FILE',
+                      help='ROS parameter YAML (default: params.yaml beside the bag, if there)')
+    tune.add_argument('--set', action='append', default=[], metavar='NAME=VALUE', dest='settings',
+                      help='one parameter; repeatable, e.g. --set search.x=1.0')
+    tune.add_argument('--metric', help='short for --set score.metric=METRIC')
+    tune.add_argument('--initial-pose', metavar='X,Y,YAW',
+                      help='metres and radians in the map frame; or the word truth')
+    topics = parser.add_argument_group('topics', 'found by type where that is unique')
+    topics.add_argument('--image-topic', metavar='TOPIC')
+    topics.add_argument('--camera-info-topic', metavar='TOPIC')
+    topics.add_argument('--odom-topic', metavar='TOPIC')
+    topics.add_argument('--ground-truth', metavar='TOPIC|FILE',
+                        help='topic of the bag, or a TUM file (base in the map frame)')
+    part = parser.add_argument_group('part of the bag')
+    part.add_argument('--start', type=float, default=0.0, metavar='S',
+                      help='seconds after the bag\'s first message')
+    part.add_argument('--duration', type=float, metavar='S', help='seconds to replay')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Replay, write the results folder, print the table."""
+    from gip_localizer.cli.settings import ctrl_c
+    from gip_localizer.evaluation.metrics import format_table, table_rows
+    from gip_localizer.evaluation.replay import Replay, Window
+    from gip_localizer.evaluation.results import check_output, write_results
+    from gip_localizer.io.map_files import load_map
+
+    check_output(args.out, args.force)
+    if args.params is None:
+        args.params = _beside(args, 'params.yaml')
+    window = Window(args.start, args.duration)
+    bag, topics, truth, notes = _open(args)
+    parameters = _parameters(args, truth)
+    replay = Replay(bag, topics, load_map(parameters.map_file), parameters, truth)
+    with ctrl_c(heard=True):
+        _with_progress(replay, window, round(topics.image.messages * window.share(bag)))
+    with ctrl_c(heard=False):  # what was reached is written out first
+        result = replay.result(f'Replay of {args.bag[0].name}', _sources(args, topics), notes)
+        metrics = write_results(args.out, result, args.force)
+    for note in result.notes:
+        print(f'gip: {note}', file=sys.stderr)
+    print(format_table(table_rows(metrics)))
+    print(f'\nresults in {args.out}, report: {args.out / "report.html"}')
+    if not replay.complete:
+        print('gip: stopped; the results are marked incomplete', file=sys.stderr)
+        return INTERRUPTED
+    return 0
+
+
+def _open(args: argparse.Namespace) -> tuple[Bag, Topics, Trajectory | None, list[str]]:
+    """Return bag, topics, truth and what is to be said of them."""
+    from gip_localizer.evaluation.replay import read_truth
+    from gip_localizer.io.bag_topics import choose_topics, TopicNames
+    from gip_localizer.io.bags import Bag
+    from gip_localizer.io.trajectory import read_tum
+
+    asked = args.ground_truth
+    is_file = asked is not None and (Path(asked).suffix in ('.tum', '.txt') or
+                                     Path(asked).is_file())
+    truth = read_tum(asked) if is_file else None
+    bag = Bag(args.bag)
+    named = TopicNames(args.image_topic, args.camera_info_topic, args.odom_topic,
+                       None if is_file else asked)
+    topics = choose_topics(bag, named, find_truth=not is_file)
+    notes = list(topics.notes)
+    if topics.truth is not None:
+        truth, said = read_truth(bag, topics, _base_parameters(args).frames.map)
+        notes += said
+    return bag, topics, truth, notes
+
+
+def _beside(args: argparse.Namespace, name: str) -> Path | None:
+    """Return a file that `gip simulate` puts beside its bag, if it is there."""
+    folder = args.bag[0] if args.bag[0].is_dir() else args.bag[0].parent
+    path: Path = folder / name
+    return path if path.is_file() else None
+
+
+def _base_parameters(args: argparse.Namespace) -> Parameters:
+    from gip_localizer.cli.settings import parse_settings
+    from gip_localizer.parameters import load_parameter_file, Parameters
+
+    base = load_parameter_file(args.params) if args.params else Parameters()
+    return base.replace(parse_settings(args.settings, Parameters))
+
+
+def _parameters(args: argparse.Namespace, truth: Trajectory | None) -> Parameters:
+    from gip_localizer.errors import ParameterError
+
+    changes: dict[str, object] = {}
+    if args.metric:
+        changes['score.metric'] = args.metric
+    if args.initial_pose is not None:
+        x, y, yaw = _initial_pose(args.initial_pose, truth)
+        changes |= {'initial_pose.set': True, 'initial_pose.x': x, 'initial_pose.y': y,
+                    'initial_pose.yaw': yaw}
+    parameters = _base_parameters(args).replace(changes)
+    raster = args.map or parameters.map_file or _beside(args, 'map.yaml')
+    if not raster:
+        raise ParameterError('no map: give --map MAP.yaml, or map_file in --params')
+    return parameters.replace({'map_file': str(raster)})
+
+
+def _initial_pose(text: str, truth: Trajectory | None) -> tuple[float, float, float]:
+    from gip_localizer.errors import ParameterError
+
+    if text == 'truth':
+        if truth is None:
+            raise ParameterError('--initial-pose truth: there is no ground truth to start from')
+        x, y, yaw = (float(value) for value in truth.poses[0])
+        return x, y, yaw
+    try:
+        x, y, yaw = (float(word) for word in text.split(','))
+    except ValueError:
+        raise ParameterError(
+            f'--initial-pose {text}: expected X,Y,YAW in metres and radians, e.g. 1.5,-2,0.1'
+        ) from None
+    return x, y, yaw
+
+
+def _sources(args: argparse.Namespace, topics: Topics) -> dict[str, Any]:
+    names = {
+        'image': topics.image, 'camera_info': topics.camera_info, 'odometry': topics.odometry,
+        'truth': topics.truth,
+    }
+    sources: dict[str, Any] = {'bag': ', '.join(str(path) for path in args.bag)}
+    if args.params is not None:
+        sources['params'] = str(args.params)
+    sources |= {key: topic.name for key, topic in names.items() if topic is not None}
+    if topics.truth is None and args.ground_truth:
+        sources['truth'] = args.ground_truth
+    return sources
+
+
+def _with_progress(replay: Replay, window: Any, total: int) -> None:
+    from tqdm import tqdm
+
+    with tqdm(total=total or None, unit='frame', disable=None, file=sys.stderr) as bar:
+        fixes = 0
+
+        def show(estimate: Estimate) -> None:
+            nonlocal fixes
+            fixes += estimate.published
+            bar.set_postfix_str(f'{fixes} fixes, {estimate.status}', refresh=False)
+            bar.update()
+
+        replay.run(window, show)

@@ -1,0 +1,230 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A bag through the localizer, message by message in log order: the node's own path, without ROS.
+
+Only what the results need is kept of a frame, so that memory does not grow with the images.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+import time
+from typing import Any
+
+from gip_localizer.core.estimate import Estimate
+from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.errors import BagError, ImageError
+from gip_localizer.evaluation.exhibits import WorstFrames
+from gip_localizer.evaluation.run import Run
+from gip_localizer.io.bag_sources import END
+from gip_localizer.io.bag_topics import IMAGES, ODOMETRY, Topics, TRUTH
+from gip_localizer.io.bags import Bag
+from gip_localizer.io.frontend import Frontend
+from gip_localizer.io.images import compressed_grey_image, Grey, grey_image
+from gip_localizer.io.messages import planar_pose, PoseMessageError, stamp_ns
+from gip_localizer.io.trajectory import Trajectory
+from gip_localizer.parameters import Parameters
+
+COMPRESSED = IMAGES[1]
+
+
+@dataclass(frozen=True)
+class Window:
+    """
+    The part of a bag to replay.
+
+    Attributes
+    ----------
+    start_s : float
+        Seconds after the bag's first message.
+    duration_s : float or None
+        Seconds; None: to the end.
+
+    """
+
+    start_s: float = 0.0
+    duration_s: float | None = None
+
+    def log_times(self, bag: Bag) -> tuple[int, int]:
+        """Return the first log time (ns) and the one at which to stop."""
+        start = bag.start_ns + round(self.start_s * 1e9)
+        stop = END if self.duration_s is None else start + round(self.duration_s * 1e9)
+        return start, stop
+
+    def share(self, bag: Bag) -> float:
+        """Return the share of the bag's time that is replayed."""
+        start, stop = self.log_times(bag)
+        length = max(bag.end_ns - bag.start_ns, 1)
+        return min(max((min(stop, bag.end_ns) - start) / length, 0.0), 1.0)
+
+
+def read_truth(bag: Bag, topics: Topics, map_frame: str) -> tuple[Trajectory | None, list[str]]:
+    """
+    Read the ground truth of a bag.
+
+    Parameters
+    ----------
+    bag : Bag
+        Where it is.
+    topics : Topics
+        Names its topic, or none.
+    map_frame : str
+        The frame that it should be in.
+
+    Returns
+    -------
+    Trajectory or None
+        None where there is none.
+    list of str
+        What is to be said of it.
+
+    """
+    if topics.truth is None:
+        return None, []
+    name = topics.truth.name
+    samples, frames, refused = [], set(), 0
+    for raw in bag.messages([name]):
+        message = bag.decode(raw) if raw.msgtype in TRUTH else None
+        if message is None:
+            continue
+        frames.add(message.header.frame_id)
+        posed = message.pose if raw.msgtype == TRUTH[0] else message.pose.pose
+        try:
+            samples.append((stamp_ns(message.header), planar_pose(posed)))
+        except PoseMessageError:
+            refused += 1
+    notes = [f'ground truth {name} is in frame {frame!r}, not in {map_frame!r}: errors hold only '
+             'if both are the same' for frame in sorted(frames - {map_frame, ''})]
+    if refused:
+        notes.append(f'ground truth {name}: {refused} messages hold no usable pose')
+    return (Trajectory.from_samples(samples) if samples else None), notes
+
+
+@dataclass
+class Replay:
+    """
+    One pass over a bag.
+
+    Attributes
+    ----------
+    bag : Bag
+        The input.
+    topics : Topics
+        What is read of it.
+    raster_map : RasterMap
+        The map.
+    parameters : Parameters
+        As used.
+    truth : Trajectory or None
+        Ground truth.
+    estimates : list of Estimate
+        Grows; without the material of the match.
+
+    """
+
+    bag: Bag
+    topics: Topics
+    raster_map: RasterMap
+    parameters: Parameters
+    truth: Trajectory | None = None
+    estimates: list[Estimate] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Prepare the localizer."""
+        self._frontend = Frontend(self.raster_map, self.parameters)
+        self._worst = WorstFrames(self.truth, self.raster_map)
+        self._complaints: dict[str, str] = {}
+        self._seconds = 0.0
+        self._complete = False
+
+    def run(self, window: Window, on_frame: Callable[[Estimate], None]) -> None:
+        """
+        Replay; Ctrl-C ends it early, and `result` then says so.
+
+        Parameters
+        ----------
+        window : Window
+            Part of the bag.
+        on_frame : callable
+            Told each estimate.
+
+        Raises
+        ------
+        BagError
+            There is no image in the window.
+
+        """
+        started = time.perf_counter()
+        try:
+            for message in self.bag.messages(self.topics.replayed, *window.log_times(self.bag)):
+                decoded = self.bag.decode(message)
+                if decoded is None:
+                    continue
+                estimate = self._take(message.topic, message.msgtype, decoded)
+                if estimate is not None:
+                    on_frame(estimate)
+            self._complete = True
+        except KeyboardInterrupt:
+            self._complete = False
+        self._seconds = time.perf_counter() - started
+        if self._complete and not self.estimates:
+            raise BagError(
+                f'no image of {self.topics.image.name} can be read in the part of the bag asked '
+                'for; see --start and --duration' + ''.join(f'\n  {n}' for n in self.bag.notes)
+            )
+
+    @property
+    def complete(self) -> bool:
+        """True when the bag was replayed to the end of the window."""
+        return self._complete
+
+    def result(self, title: str, sources: Mapping[str, Any], notes: list[str]) -> Run:
+        """Return the run as far as it went."""
+        return Run(
+            title=title, estimates=self.estimates, parameters=self.parameters, truth=self.truth,
+            raster_map=self.raster_map, exhibits=self._worst.exhibits(),
+            wall_seconds=self._seconds, complete=self._complete, sources=sources,
+            notes=[*notes, *self.bag.notes, *self._unusable()],
+        )
+
+    def _take(self, topic: str, msgtype: str, message: Any) -> Estimate | None:
+        if topic == self.topics.image.name:
+            return self._localize(msgtype, message)
+        if topic == self.topics.camera_info.name:
+            self._frontend.on_camera_info(message)
+        elif msgtype in ODOMETRY:
+            self._frontend.on_odometry(message)
+        else:
+            self._frontend.on_initial_pose(message)
+        for concern, reason in self._frontend.complaints.items():
+            self._complaints.setdefault(concern, reason)
+        return None
+
+    def _localize(self, msgtype: str, message: Any) -> Estimate:
+        if msgtype == COMPRESSED:
+            estimate = self._frontend.on_compressed_image(message)
+            self._worst.add(lambda: _or_none(compressed_grey_image, message), estimate)
+        else:
+            estimate = self._frontend.on_image(message)
+            self._worst.add(lambda: _or_none(grey_image, message), estimate)
+        kept = replace(estimate, match=None)
+        self.estimates.append(kept)
+        return kept
+
+    def _unusable(self) -> list[str]:
+        counts = self._frontend.counts
+        return [
+            f'{concern}: {counts.get(f"{concern}_refused", 0)} of {counts.get(concern, 0)} '
+            f'messages refused, the first because: {reason}'
+            for concern, reason in self._complaints.items()
+        ]
+
+
+def _or_none(decode: Callable[[Any], Grey], message: Any) -> Grey | None:
+    try:
+        return decode(message)
+    except ImageError:
+        return None
