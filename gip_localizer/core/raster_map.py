@@ -179,37 +179,72 @@ class RasterMap:
 
     def sample_with_gradient(self, xy_map: Floats) -> tuple[Floats, Floats, Bools]:
         """Grey (n,), its gradient (n, 2) per metre in the map frame, and valid (n,)."""
+        values, along_x, along_y, valid = self.sample_from(Pose2(0.0, 0.0, 0.0), xy_map)
+        return values, np.stack([along_x, along_y], axis=1), valid
+
+    def sample_from(
+        self, T_map_a: Pose2, xy: Floats
+    ) -> tuple[Floats, Floats, Floats, Bools]:
+        """
+        Grey at points of a frame, with its slopes along that frame's axes.
+
+        Parameters
+        ----------
+        T_map_a : Pose2
+            Pose of the frame in the map.
+        xy : (n, 2) float32 or float64
+            Metres in the frame.
+
+        Returns
+        -------
+        values : (n,) float32
+            In [0, 1]; 0 where not valid.
+        along_x, along_y : (n,) float32
+            Slopes per metre; 0 where not valid.
+        valid : (n,) bool
+            On the grid, and all of the cells that contribute hold data.
+
+        """
         rows, cols = self.grey.shape
-        rc = self.to_cell(np.asarray(xy_map, float))
-        row, col = rc[:, 0], rc[:, 1]
+        row, col, T_grid_a = self._cells_from(T_map_a, xy)
         inside = (row >= -0.5) & (row <= rows - 0.5) & (col >= -0.5) & (col <= cols - 0.5)
-        row = np.where(inside, np.clip(row, 0.0, rows - 1.0), 0.0)
-        col = np.where(inside, np.clip(col, 0.0, cols - 1.0), 0.0)
-        r0 = np.minimum(row.astype(np.intp), max(rows - 2, 0))
-        c0 = np.minimum(col.astype(np.intp), max(cols - 2, 0))
+        row = np.where(inside, np.clip(row, 0, rows - 1), row.dtype.type(0))
+        col = np.where(inside, np.clip(col, 0, cols - 1), col.dtype.type(0))
+        r0 = np.minimum(row.astype(np.int32), max(rows - 2, 0))
+        c0 = np.minimum(col.astype(np.int32), max(cols - 2, 0))
         fr, fc = (row - r0).astype(np.float32), (col - c0).astype(np.float32)
         right, down = (1 if cols > 1 else 0), (cols if rows > 1 else 0)
-        index = r0 * cols + c0
+        index = r0.astype(np.intp) * cols + c0
         flat = self.grey.reshape(-1)
-        corners = [flat[index + k].astype(np.float32) for k in (0, right, down, down + right)]
-        a, b, c, d = corners
+        a, b, c, d = (
+            flat.take(index + k).astype(np.float32, copy=False)
+            for k in (0, right, down, down + right)
+        )
         top, bottom = a + fc * (b - a), c + fc * (d - c)
-        scale = np.float32(1.0 / WHITE[self.grey.dtype])
-        values = (top + fr * (bottom - top)) * scale
-        along_col = ((b - a) * (1 - fr) + (d - c) * fr) * (scale / np.float32(self.resolution))
-        along_row = (bottom - top) * (scale / np.float32(self.resolution))
         if self.valid is not None:
             known = self.valid.reshape(-1)
-            inside &= known[index] & known[index + right] & known[index + down] & (
-                known[index + down + right]
-            )
-        cy, sy = np.float32(math.cos(self.origin.yaw)), np.float32(math.sin(self.origin.yaw))
-        gradient = np.stack(
-            [cy * along_col + sy * along_row, sy * along_col - cy * along_row], axis=1
-        )
-        values[~inside] = 0.0
-        gradient[~inside] = 0.0
-        return values, gradient, inside
+            for k in (0, right, down, down + right):
+                inside &= known.take(index + k)
+        scale = inside * np.float32(1.0 / WHITE[self.grey.dtype])
+        values = (top + fr * (bottom - top)) * scale
+        scale *= np.float32(1.0 / self.resolution)
+        along_col = ((b - a) + fr * ((d - c) - (b - a))) * scale
+        along_row = (bottom - top) * scale
+        cos, sin = np.float32(math.cos(T_grid_a.yaw)), np.float32(math.sin(T_grid_a.yaw))
+        along_x = cos * along_col - sin * along_row
+        along_y = -sin * along_col - cos * along_row
+        return values, along_x, along_y, inside
+
+    def _cells_from(self, T_map_a: Pose2, xy: Floats) -> tuple[Floats, Floats, Pose2]:
+        """Fractional rows and columns of points of frame a, and a's pose in the grid."""
+        T_grid_a = self.origin.inverse() @ T_map_a
+        kind = xy.dtype.type
+        cos = kind(math.cos(T_grid_a.yaw) / self.resolution)
+        sin = kind(math.sin(T_grid_a.yaw) / self.resolution)
+        x, y = xy[:, 0], xy[:, 1]
+        col = cos * x - sin * y + kind(T_grid_a.x / self.resolution - 0.5)
+        row = kind(self.grey.shape[0] - 0.5 - T_grid_a.y / self.resolution) - sin * x - cos * y
+        return row, col, T_grid_a
 
 
 def _joined(values: Floats, valid: Bools | None, step: int) -> tuple[Floats, Bools | None]:

@@ -9,32 +9,45 @@ noise the covariance of v is proportional to `S G⁻¹`, so the maximum-likeliho
 `Jᵀ G (v - a S û - b)` and the Fisher information `Jᵀ G S J`: the paper's weights, exact also for
 far cells that share pixels.
 
-The state is (x, y, yaw) in the axes of the start pose, then the camera's (pitch, roll, height)
-as far as they may move, then gain and offset where they are unknown.
+The first steps look at every other cell, without the blur; the last at all, with it.
 
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+import math
 
 import numpy as np
 from scipy import sparse
 
-from gip_localizer.core.arrays import Bools, Floats
+from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import Rectifier, View
+from gip_localizer.core.camera_sway import CameraSway
+from gip_localizer.core.linearised import (
+    block_sums,
+    exposure,
+    mean_normalised_square,
+    Problem,
+    trust,
+)
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.parameters import CameraMotion
 
-MAX_ITERATIONS = 12
-PLAIN_ITERATIONS = 3  # before outliers are told from misalignment
-CONVERGED_XY = 2e-4  # m
-CONVERGED_YAW = 2e-5  # rad
-MAX_STEP = np.array([0.15, 0.15, 0.03])  # m, m, rad: no iteration may leave the basin
+SPARSE_STRIDE = 2  # cells skipped by the first steps, per axis
+SPARSE_STEPS = 8
+FULL_STEPS = 8
+PLAIN_STEPS = 3  # before outliers are told from misalignment
+CONVERGED_XY = 3e-4  # m
+CONVERGED_YAW = 5e-5  # rad
+MAX_STEP = np.array([0.15, 0.15, 0.03])  # m, m, rad: no step may leave the basin
+MAX_DRIFT = 1.0  # m from the start
 OUTLIER_SCALE = 3.0  # residuals beyond this many standard deviations lose their weight
-BLOCK_M = 0.5  # m: residuals are taken as correlated within blocks of this side
+BLOCK_SIDES = (1.0, 0.5)  # m ahead, m left: residuals count as correlated within such blocks
+LOCKING = 0.01  # of a map cell: what sampling between cell centres may shift a pose
 MIN_GAIN = 0.02
+MIN_CELLS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +81,7 @@ class Fit:
     converged : bool
         The last step was small and the pose stayed near its start.
     chi_sq : float
-        Weighted mean of squared residuals over their expected variance (1 when the noise model
-        holds).
+        Mean of squared residuals over their expected variance (1 when the noise model holds).
 
     """
 
@@ -87,6 +99,31 @@ class Fit:
     chi_sq: float
 
 
+@dataclass(eq=False)
+class _State:
+    """Pose, and pitch, roll (rad) and height (m) relative to the calibration."""
+
+    pose: Pose2
+    camera_motion: Floats
+
+
+class _Cells:
+    """The cells that one stage looks at."""
+
+    def __init__(self, rectifier: Rectifier, stride: int) -> None:
+        chosen = np.zeros_like(rectifier.valid)
+        chosen[::stride, ::stride] = rectifier.valid[::stride, ::stride]
+        if chosen.sum() < MIN_CELLS * 10:
+            chosen, stride = rectifier.valid.copy(), 1
+        self.index = np.flatnonzero(chosen)
+        self.sway = CameraSway(rectifier.camera, rectifier.grid.points()[self.index])
+        self.blur: sparse.csr_matrix | None = rectifier.pixel_blur if stride == 1 else None
+
+    def blurred(self, columns: Floats) -> Floats:
+        """Return columns behind the pixel blur."""
+        return columns if self.blur is None else np.asarray(self.blur @ columns)
+
+
 class Refiner:
     """
     Gauss-Newton for one calibration.
@@ -94,7 +131,7 @@ class Refiner:
     Parameters
     ----------
     rectifier : Rectifier
-        Gives the cells, their pixel rays and the pixel blur.
+        Gives the cells and the pixel blur.
     camera_motion : CameraMotion
         Standard deviations of the camera's motion; zeros fix it.
     normalized : bool
@@ -107,22 +144,19 @@ class Refiner:
     def __init__(
         self, rectifier: Rectifier, camera_motion: CameraMotion, *, normalized: bool, robust: bool
     ) -> None:
-        self._camera = rectifier.camera
-        self._valid = rectifier.valid.ravel()
-        self._points = rectifier.grid.points()[self._valid]
-        self._blur = rectifier.pixel_blur
         self._normalized = normalized
         self._robust = robust
         sigmas = np.array(
             [camera_motion.sigma_pitch, camera_motion.sigma_roll, camera_motion.sigma_height]
         )
         self._moving = np.flatnonzero(sigmas > 0.0)
-        self._prior = 1.0 / sigmas[self._moving] ** 2
-        offsets = self._points - rectifier.camera.extrinsics.position()[:2]
-        heights = np.full(len(offsets), -rectifier.camera.extrinsics.z)
-        self._directions = np.column_stack([offsets, heights])
-        self._tangents = self._camera_tangents()
-        self._blocks = _block_sums(self._points)
+        exposed = 2 if normalized else 0
+        self._prior = np.concatenate(
+            [np.zeros(3), 1.0 / sigmas[self._moving] ** 2, np.zeros(exposed)]
+        )
+        self._sparse = _Cells(rectifier, SPARSE_STRIDE)
+        self._full = _Cells(rectifier, 1)
+        self._blocks = block_sums(self._full.sway.points, BLOCK_SIDES)
 
     def refine(self, view: View, weight: Floats, raster_map: RasterMap, start: Pose2) -> Fit:
         """
@@ -145,222 +179,93 @@ class Refiner:
             The refined pose; `converged` is False where it cannot be believed.
 
         """
-        values = view.patch.ravel()[self._valid].astype(np.float64)
-        weights = weight.ravel()[self._valid].astype(np.float64)
         state = _State(start, np.zeros(3))
-        problem, converged = self._solve(values, weights, raster_map, state)
-        near = np.hypot(problem.state.pose.x - start.x, problem.state.pose.y - start.y)
-        return self._fit(problem, weights, converged=converged and bool(near < 1.0))
-
-    def _solve(
-        self, values: Floats, weights: Floats, raster_map: RasterMap, state: _State
-    ) -> tuple[_Problem, bool]:
-        converged = False
-        for iteration in range(MAX_ITERATIONS):
-            robust = self._robust and iteration >= PLAIN_ITERATIONS
-            problem = self._linearise(values, weights, raster_map, state, robust=robust)
-            if problem.known.sum() < 20 or converged:
-                break
-            step = problem.step()
-            step[:3] = np.clip(step[:3], -MAX_STEP, MAX_STEP)
-            state = self._moved(state, step)
-            small = max(np.abs(step[:2]).max() / CONVERGED_XY, abs(step[2]) / CONVERGED_YAW) < 1
-            converged = small and (robust or not self._robust)
-        return problem, converged
-
-    def _moved(self, state: _State, step: Floats) -> _State:
-        motion = state.camera_motion.copy()
-        motion[self._moving] += step[3 : 3 + len(self._moving)]
-        pose = state.pose @ Pose2(float(step[0]), float(step[1]), float(step[2]))
-        return replace(state, pose=pose, camera_motion=motion)
-
-    def _linearise(
-        self, values: Floats, weights: Floats, raster_map: RasterMap, state: _State, *,
-        robust: bool,
-    ) -> _Problem:
-        points = self._road_points(state.camera_motion)
-        world = state.pose.transform(points)
-        sampled, slope, known = raster_map.sample_with_gradient(world)
-        ahead_left = slope.astype(np.float64) @ state.pose.rotation()
-        used = np.where(known, weights, 0.0)
-        predicted = self._blur @ sampled.astype(np.float64)
-        gain, offset = self._exposure(values, predicted, used)
-        residual = values - gain * predicted - offset
-        scale_sq = _scale_sq(residual, used)
-        trusted = _trust(residual, used, scale_sq) if robust else np.ones(len(residual))
-        if robust:
-            gain, offset = self._exposure(values, predicted, used * trusted)
-            residual = values - gain * predicted - offset
-        columns = [ahead_left[:, 0], ahead_left[:, 1],
-                   ahead_left[:, 1] * points[:, 0] - ahead_left[:, 0] * points[:, 1]]
-        columns += [
-            ahead_left[:, 0] * self._tangents[k][:, 0] + ahead_left[:, 1] * self._tangents[k][:, 1]
-            for k in self._moving
-        ]
-        jacobian = gain * np.stack(columns, axis=1)
-        return _Problem(
-            state, jacobian, predicted, residual, used * trusted, used, known, gain, offset,
-            self._blur, self._prior, state.camera_motion[self._moving], scale_sq,
-            self._normalized,
+        self._descend(self._sparse, view, weight, raster_map, state,
+                      steps=SPARSE_STEPS, plain=PLAIN_STEPS)
+        problem, information, small = self._descend(
+            self._full, view, weight, raster_map, state, steps=FULL_STEPS, plain=0
         )
-
-    def _exposure(self, values: Floats, predicted: Floats, weights: Floats) -> tuple[float, float]:
-        total = weights.sum()
-        if not self._normalized or total <= 0.0:
-            return 1.0, 0.0
-        mean_v, mean_m = weights @ values / total, weights @ predicted / total
-        spread = weights @ (predicted - mean_m) ** 2
-        gain = weights @ ((values - mean_v) * (predicted - mean_m)) / max(spread, 1e-12)
-        gain = max(float(gain), MIN_GAIN)
-        return gain, float(mean_v - gain * mean_m)
-
-    def _road_points(self, camera_motion: Floats) -> Floats:
-        """Where the cells' rays meet the road when the camera has moved, (n, 2) in base."""
-        if not camera_motion.any():
-            return self._points
-        pitch, roll, height = camera_motion
-        pose = self._camera.extrinsics
-        moved = replace(pose, pitch=pose.pitch + pitch, roll=pose.roll + roll)
-        turn = moved.rotation() @ pose.rotation().T
-        rays = self._directions @ turn.T
-        rays[:, 2] = np.minimum(rays[:, 2], -1e-3)
-        scale = -(pose.z + height) / rays[:, 2]
-        points: Floats = pose.position()[:2] + rays[:, :2] * scale[:, None]
-        return points
-
-    def _camera_tangents(self) -> list[Floats]:
-        """Motion of the road points per radian of pitch, of roll, and per metre of height."""
-        small = 1e-5
-        return [
-            (self._road_points(small * unit) - self._road_points(-small * unit)) / (2 * small)
-            for unit in np.eye(3)
-        ]
-
-    def _fit(self, problem: _Problem, weights: Floats, *, converged: bool) -> Fit:
-        covariance, fisher = problem.covariances(self._blocks)
-        total = max(weights.sum(), 1e-20)
+        drift = math.hypot(state.pose.x - start.x, state.pose.y - start.y)
+        locking = LOCKING * raster_map.resolution
+        floor = np.diag([locking**2, locking**2, (0.2 * locking) ** 2])
+        covariance = problem.sandwich(information, self._blocks) + floor
+        known = float(problem.all_weights.sum())
         return Fit(
-            pose=problem.state.pose,
+            pose=state.pose,
             covariance=covariance,
-            fisher=fisher,
-            camera_motion=problem.state.camera_motion,
+            fisher=problem.fisher(information),
+            camera_motion=state.camera_motion,
             gain=problem.gain,
             offset=problem.offset,
             residual=problem.mean_square(),
-            inliers=float(problem.weights.sum() / max(problem.all_weights.sum(), 1e-20)),
+            inliers=problem.inliers(),
             correlation=problem.correlation(),
-            overlap=float(problem.all_weights.sum() / total),
-            converged=converged and bool(np.isfinite(covariance).all()),
+            overlap=known / max(float(weight.sum(dtype=np.float64)), 1e-20),
+            converged=small and drift < MAX_DRIFT and bool(np.isfinite(covariance).all()),
             chi_sq=problem.scale_sq,
         )
 
+    def _descend(
+        self, cells: _Cells, view: View, weight: Floats, raster_map: RasterMap, state: _State,
+        *, steps: int, plain: int,
+    ) -> tuple[Problem, Floats, bool]:
+        """Step until the steps are small; moves the state in place."""
+        values = view.patch.ravel()[cells.index]
+        weights = weight.ravel()[cells.index]
+        for count in range(steps):
+            robust = self._robust and count >= plain
+            problem = self._linearise(cells, values, weights, raster_map, state, robust=robust)
+            if np.count_nonzero(problem.all_weights) < MIN_CELLS:
+                return problem, np.eye(len(self._prior)), False
+            information = problem.information()
+            small = self._move(state, problem.step(information))
+            if small and (robust or not self._robust):
+                return problem, information, True
+        return problem, information, False
 
-@dataclass(frozen=True)
-class _State:
-    pose: Pose2
-    camera_motion: Floats
+    def _move(self, state: _State, step: Floats) -> bool:
+        """Move the state; tell whether the step was small."""
+        x, y, yaw = (float(s) for s in np.clip(step[:3], -MAX_STEP, MAX_STEP))
+        state.pose = state.pose @ Pose2(x, y, yaw)
+        state.camera_motion[self._moving] += step[3 : 3 + len(self._moving)]
+        return max(abs(x), abs(y)) < CONVERGED_XY and abs(yaw) < CONVERGED_YAW
 
+    def _linearise(
+        self, cells: _Cells, values: Floats, weights: Floats, raster_map: RasterMap,
+        state: _State, *, robust: bool,
+    ) -> Problem:
+        points = cells.sway.road_points(state.camera_motion)
+        sampled, ahead, left, known = raster_map.sample_from(state.pose, points)
+        used = weights * known
+        predicted = cells.blurred(sampled)
+        gain, offset, residual = self._residual(values, predicted, used)
+        scale_sq = mean_normalised_square(residual, used)
+        trusted = used
+        if robust:
+            trusted = used * trust(residual, used, scale_sq, OUTLIER_SCALE)
+            gain, offset, residual = self._residual(values, predicted, trusted)
+        columns = [ahead, left, left * points[:, 0] - ahead * points[:, 1]]
+        columns += [
+            ahead * cells.sway.tangents[k][:, 0] + left * cells.sway.tangents[k][:, 1]
+            for k in self._moving
+        ]
+        jacobian = np.stack(columns, axis=1) * np.float32(gain)
+        slopes = cells.blurred(jacobian)
+        if self._normalized:
+            ones = np.ones_like(sampled)
+            jacobian = np.column_stack([jacobian, sampled, ones])
+            slopes = np.column_stack([slopes, predicted, ones])
+        offsets = np.zeros(len(self._prior))
+        offsets[3 : 3 + len(self._moving)] = state.camera_motion[self._moving]
+        return Problem(
+            jacobian, slopes, residual, trusted, used, predicted, gain, offset, scale_sq,
+            self._prior, offsets,
+        )
 
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    """The linearised least-squares problem at one state."""
-
-    state: _State
-    jacobian: Floats  # (n, p): unblurred map slopes times gain
-    predicted: Floats
-    residual: Floats
-    weights: Floats
-    all_weights: Floats
-    known: Bools
-    gain: float
-    offset: float
-    blur: sparse.csr_matrix
-    prior: Floats
-    camera_motion: Floats
-    scale_sq: float
-    normalized: bool
-
-    def step(self) -> Floats:
-        """Gauss-Newton step of the geometric state."""
-        instruments, information, _ = self._normal_equations()
-        gradient = instruments.T @ (self.weights * self.residual)
-        gradient[3 : 3 + len(self.prior)] -= self.scale_sq * self.prior * self.camera_motion
-        step: Floats = np.linalg.solve(information, gradient)
-        return step
-
-    def _normal_equations(self) -> tuple[Floats, Floats, Floats]:
-        """Instruments (n, p), information (p, p) and blurred Jacobian (n, p)."""
-        instruments, blurred = self.jacobian, self.blur @ self.jacobian
-        if self.normalized:
-            basis = np.column_stack([self.predicted, np.ones(len(self.predicted))])
-            instruments = _without(instruments, basis, self.weights)
-            blurred = _without(blurred, basis, self.weights)
-        information = instruments.T @ (self.weights[:, None] * blurred)
-        information = 0.5 * (information + information.T)
-        prior = np.zeros(len(information))
-        prior[3 : 3 + len(self.prior)] = self.scale_sq * self.prior
-        information += np.diag(prior + 1e-9 * np.trace(information) + 1e-12)
-        return instruments, information, blurred
-
-    def covariances(self, blocks: sparse.csr_matrix) -> tuple[Floats, Floats]:
-        """Sandwich and Fisher covariance of (x, y, yaw) in the pose's axes."""
-        instruments, information, _ = self._normal_equations()
-        inverse = np.linalg.inv(information)
-        scores = blocks @ (instruments * (self.weights * self.residual)[:, None])
-        count = max(int(np.count_nonzero(np.abs(scores).sum(axis=1))), 1)
-        meat = scores.T @ scores * (count / max(count - len(information), 1))
-        index = np.arange(3, 3 + len(self.prior))
-        meat[index, index] += self.scale_sq**2 * self.prior
-        sandwich = inverse @ meat @ inverse
-        fisher = self.scale_sq * inverse
-        return sandwich[:3, :3], fisher[:3, :3]
-
-    def mean_square(self) -> float:
-        """Weighted mean square residual of the cells that agree."""
-        return float(self.weights @ self.residual**2 / max(self.weights.sum(), 1e-20))
-
-    def correlation(self) -> float:
-        """Weighted correlation of view and prediction over all known cells."""
-        w = self.all_weights
-        if w.sum() <= 0.0:
-            return 0.0
-        v = self.residual + self.gain * self.predicted + self.offset
-        dv = v - w @ v / w.sum()
-        dm = self.predicted - w @ self.predicted / w.sum()
-        spread = np.sqrt((w @ dv**2) * (w @ dm**2))
-        return float(w @ (dv * dm) / spread) if spread > 1e-12 else 0.0
-
-
-def _without(columns: Floats, basis: Floats, weights: Floats) -> Floats:
-    """Project the basis out of the columns under the weights."""
-    weighted = basis * weights[:, None]
-    normal = basis.T @ weighted + 1e-12 * np.eye(basis.shape[1])
-    projected: Floats = columns - basis @ np.linalg.solve(normal, weighted.T @ columns)
-    return projected
-
-
-def _scale_sq(residual: Floats, weights: Floats) -> float:
-    """Robust mean of the squared normalised residuals (1 when the weights are 1/variance)."""
-    normalised = np.abs(residual) * np.sqrt(weights)
-    chosen = normalised[weights > 0.0]
-    if chosen.size == 0:
-        return 1.0
-    return max(float(np.median(chosen) / 0.6745) ** 2, 1e-6)
-
-
-def _trust(residual: Floats, weights: Floats, scale_sq: float) -> Floats:
-    """Geman-McClure weights: near 1 for residuals within the scale, near 0 far outside."""
-    ratio = residual**2 * weights / (OUTLIER_SCALE**2 * scale_sq)
-    trust: Floats = 1.0 / (1.0 + ratio) ** 2
-    return trust
-
-
-def _block_sums(points: Floats) -> sparse.csr_matrix:
-    """Matrix (blocks, n) that adds up the cells of each block of road."""
-    index = np.floor((points - points.min(axis=0)) / BLOCK_M).astype(int)
-    _, block = np.unique(index[:, 0] * 100_000 + index[:, 1], return_inverse=True)
-    block = np.asarray(block).ravel()
-    n = len(points)
-    return sparse.csr_matrix(
-        (np.ones(n), (block, np.arange(n))), shape=(int(block.max()) + 1, n)
-    )
+    def _residual(
+        self, values: Floats, predicted: Floats, weights: Floats
+    ) -> tuple[float, float, Floats]:
+        gain, offset = 1.0, 0.0
+        if self._normalized:
+            gain, offset = exposure(values, predicted, weights, least_gain=MIN_GAIN)
+        return gain, offset, values - np.float32(gain) * predicted - np.float32(offset)

@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+One linearised weighted least-squares problem: its step, its covariance, its quality.
+
+With residual r, weights W (Gramian times trust), map slopes J and pixel blur S, the estimating
+equation is `Jᵀ W r = 0` and its slope `Jᵀ W S J`. For white pixel noise that is maximum
+likelihood; the sandwich `A⁻¹ B A⁻¹` with the gradients' spread B over blocks of road holds
+whatever the residuals are.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from gip_localizer.core.arrays import Floats
+
+GEOMETRY = 3  # x, y, yaw come first in the state
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """
+    The problem at one state; n cells, p columns (x, y, yaw, camera motion, gain, offset).
+
+    Attributes
+    ----------
+    instruments : (n, p) float32
+        Slopes of the unblurred map for each column.
+    slopes : (n, p) float32
+        The same behind the pixel blur.
+    residual : (n,) float32
+        v - a S û - b.
+    weights : (n,) float32
+        Gramian times trust; 0 where the map holds no data.
+    all_weights : (n,) float32
+        Gramian alone.
+    predicted : (n,) float32
+        S û.
+    gain, offset : float
+        a and b.
+    scale_sq : float
+        Mean squared normalised residual of the cells that agree.
+    prior : (p,) float64
+        Information of the prior on each column, before scaling.
+    prior_offset : (p,) float64
+        State relative to the prior's mean.
+
+    """
+
+    instruments: Floats
+    slopes: Floats
+    residual: Floats
+    weights: Floats
+    all_weights: Floats
+    predicted: Floats
+    gain: float
+    offset: float
+    scale_sq: float
+    prior: Floats
+    prior_offset: Floats
+
+    def information(self) -> Floats:
+        """Return `Jᵀ W S J` plus the prior, (p, p)."""
+        weighted = self.instruments * self.weights[:, None]
+        matrix = (weighted.T @ self.slopes).astype(np.float64)
+        matrix = 0.5 * (matrix + matrix.T)
+        ridge = 1e-9 * np.diag(matrix) + 1e-12
+        return np.asarray(matrix + np.diag(self.scale_sq * self.prior + ridge))
+
+    def step(self, information: Floats) -> Floats:
+        """Return the Gauss-Newton step (p,)."""
+        gradient = (self.instruments.T @ (self.weights * self.residual)).astype(np.float64)
+        gradient -= self.scale_sq * self.prior * self.prior_offset
+        return np.asarray(np.linalg.solve(information, gradient))
+
+    def sandwich(self, information: Floats, blocks: sparse.csr_matrix) -> Floats:
+        """Return the covariance (3, 3) of the geometry from the gradients' spread."""
+        scores = np.asarray(
+            blocks @ (self.instruments * (self.weights * self.residual)[:, None]), np.float64
+        )
+        count = int(np.count_nonzero(np.abs(scores).sum(axis=1)))
+        spread = scores.T @ scores * (count / max(count - len(information), 1))
+        spread += np.diag(self.scale_sq**2 * self.prior)
+        inverse = np.linalg.inv(information)
+        return np.asarray((inverse @ spread @ inverse)[:GEOMETRY, :GEOMETRY])
+
+    def fisher(self, information: Floats) -> Floats:
+        """Return the covariance (3, 3) of the geometry for independent pixel noise."""
+        return self.scale_sq * np.linalg.inv(information)[:GEOMETRY, :GEOMETRY]
+
+    def mean_square(self) -> float:
+        """Weighted mean square residual of the cells that agree."""
+        return float(self.weights @ self.residual**2) / max(float(self.weights.sum()), 1e-20)
+
+    def inliers(self) -> float:
+        """Share of the weight that agrees with the map."""
+        return float(self.weights.sum()) / max(float(self.all_weights.sum()), 1e-20)
+
+    def correlation(self) -> float:
+        """Weighted correlation of view and prediction over all known cells."""
+        w = self.all_weights.astype(np.float64)
+        total = w.sum()
+        if total <= 0.0:
+            return 0.0
+        v = self.residual + self.gain * self.predicted + self.offset
+        dv, dm = v - w @ v / total, self.predicted - w @ self.predicted / total
+        spread = np.sqrt((w @ dv**2) * (w @ dm**2))
+        return float(w @ (dv * dm) / spread) if spread > 1e-12 else 0.0
+
+
+def exposure(
+    values: Floats, predicted: Floats, weights: Floats, *, least_gain: float
+) -> tuple[float, float]:
+    """Gain and offset of the view relative to the map, weighted least squares."""
+    total = float(weights.sum())
+    if total <= 0.0:
+        return 1.0, 0.0
+    mean_v, mean_m = float(weights @ values) / total, float(weights @ predicted) / total
+    centred = weights * (predicted - np.float32(mean_m))
+    gain = float(centred @ values) / max(float(centred @ predicted), 1e-12)
+    gain = max(gain, least_gain)
+    return gain, mean_v - gain * mean_m
+
+
+def mean_normalised_square(residual: Floats, weights: Floats) -> float:
+    """Robust mean of r² W (1 when the weights are 1/variance), from the median."""
+    part = slice(None, None, max(len(residual) // 8000, 1))
+    chosen = weights[part] > 0.0
+    if not chosen.any():
+        return 1.0
+    squares = residual[part][chosen] ** 2 * weights[part][chosen]
+    return max(float(np.median(squares)) / 0.4549, 1e-6)
+
+
+def trust(residual: Floats, weights: Floats, scale_sq: float, outlier_scale: float) -> Floats:
+    """Geman-McClure weights: near 1 for residuals within the scale, near 0 far outside."""
+    ratio = residual**2 * weights * np.float32(1.0 / (outlier_scale**2 * scale_sq))
+    return np.asarray(1.0 / (1.0 + ratio) ** 2)
+
+
+def block_sums(points: Floats, side: tuple[float, float]) -> sparse.csr_matrix:
+    """Matrix (blocks, n) that adds up the cells of each block of road, sides in metres."""
+    index = np.floor((points - points.min(axis=0)) / np.array(side)).astype(int)
+    _, block = np.unique(index[:, 0] * 100_000 + index[:, 1], return_inverse=True)
+    block = np.asarray(block).ravel()
+    n = len(points)
+    ones = np.ones(n, np.float32)
+    return sparse.csr_matrix((ones, (block, np.arange(n))), shape=(int(block.max()) + 1, n))
