@@ -91,7 +91,7 @@ def test_ellipses_are_enlarged_by_the_factor_that_is_said(sigma):
     frames = [type(f)(f.stamp_ns, f.pose, np.eye(3) * sigma**2) for f in run.estimates]
     run = noisy_run(estimates=frames)
     axes = map_figure(run, tabulate_errors(run.estimates, run.truth)).axes[0]
-    said = re.search(r'(\d+) times', axes.get_title())
+    said = re.search(r'(\d+) times', axes.get_title(loc='right'))
     factor = int(said.group(1)) if said else 1
     drawn = axes.collections[0].get_widths()
     np.testing.assert_allclose(drawn, 2 * np.sqrt(5.991464547) * sigma * factor, rtol=1e-6)

@@ -53,7 +53,7 @@ def frame_exhibit(title: str, image: NDArray[Any] | None, estimate: Estimate,
         pictures['matched map window'] = _stretched(np.where(view.valid, window, np.nan))
     if match.scores is not None:
         best = match.scores.best()[0]
-        pictures['score surface: correlation over ahead (up) and left'] = np.asarray(
+        pictures['score surface (ahead is up)'] = np.asarray(
             match.scores.correlation[best], np.float64
         )
     return FrameExhibit(title, estimate.stamp_ns, pictures)

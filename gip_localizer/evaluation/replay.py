@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import time
 from typing import Any
 
+from gip_localizer.core.arrays import Grey
 from gip_localizer.core.estimate import Estimate
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import BagError, ImageError
@@ -23,7 +24,7 @@ from gip_localizer.io.bag_sources import END
 from gip_localizer.io.bag_topics import IMAGES, ODOMETRY, Topics, TRUTH
 from gip_localizer.io.bags import Bag
 from gip_localizer.io.frontend import Frontend
-from gip_localizer.io.images import compressed_grey_image, Grey, grey_image
+from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.messages import planar_pose, PoseMessageError, stamp_ns
 from gip_localizer.io.trajectory import Trajectory
 from gip_localizer.parameters import Parameters

@@ -21,7 +21,7 @@ STYLE: dict[Any, Any] = {
     'axes.spines.top': False, 'axes.spines.right': False, 'svg.hashsalt': 'gip_localizer',
     'legend.frameon': False, 'figure.constrained_layout.use': True,
 }
-SIZE = (5.6, 4.6)
+SIZE = (4.8, 4.6)
 
 
 def seconds(table: ErrorTable) -> Floats:

@@ -24,10 +24,11 @@ ELLIPSES = 40
 
 def map_figure(run: Run, table: ErrorTable) -> Figure:
     """Draw the paths over the map, with ellipses enlarged by a factor that the title states."""
-    figure = Figure(figsize=(7.2, 5.6))
+    box = _box(run, table)
+    height = 4.6 * (box[3] - box[1]) / max(box[2] - box[0], 1e-9)
+    figure = Figure(figsize=(5.4, min(max(height, 1.4), 5.6) + 1.0))
     axes = figure.subplots()
     axes.grid(False)
-    box = _box(run, table)
     if run.raster_map is not None:
         _draw_background(axes, run.raster_map, box)
     if run.truth is not None:
@@ -38,9 +39,9 @@ def map_figure(run: Run, table: ErrorTable) -> Figure:
         axes.plot(*table.poses[wrong, :2].T, 'x', color=WRONG, ms=6, label='wrong fix')
     factor = _draw_ellipses(axes, run, table, box)
     label = '' if factor is None else f'95 % ellipses, {factor} times enlarged'
-    axes.set(xlim=box[::2], ylim=box[1::2], aspect='equal', xlabel='x [m]', ylabel='y [m]',
-             title=label if factor != 1 else '95 % ellipses at true size')
-    axes.legend(loc='upper left', ncols=3, fontsize=8, frameon=True)
+    axes.set(xlim=box[::2], ylim=box[1::2], aspect='equal', xlabel='x [m]', ylabel='y [m]')
+    axes.set_title(label if factor != 1 else '95 % ellipses at true size', loc='right', fontsize=8)
+    axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=8)
     return figure
 
 

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-import numpy as np
 from numpy.typing import NDArray
 
 from gip_localizer.core.pose import Pose2
@@ -34,7 +33,7 @@ class FrameResult(Protocol):
         """Published pose of the base in the map; None: withheld."""
 
     @property
-    def covariance(self) -> NDArray[np.float64] | None:
+    def covariance(self) -> NDArray[Any] | None:
         """(3, 3) covariance of x, y [m] and yaw [rad], map frame."""
 
     @property

@@ -1,0 +1,157 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Results folders side by side: figures, parameters that differ, errors in one chart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import json
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+import numpy as np
+from numpy.typing import NDArray
+
+from gip_localizer.errors import GipError
+from gip_localizer.evaluation.metrics import look_up, Metrics, TABLE
+from gip_localizer.io.trajectory import read_tum, Trajectory
+
+Floats = NDArray[np.float64]
+UNKNOWN = 'unknown'
+
+
+class ResultsError(GipError):
+    """A results folder cannot be read."""
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """
+    What was read of a results folder.
+
+    Attributes
+    ----------
+    label : str
+        Shortest name that sets it apart.
+    metrics : dict
+        Of `metrics.json`.
+    seconds, errors_m : (n,) float64
+        Time since the truth's first pose, and position error, of the published frames whose truth
+        is known.
+
+    """
+
+    label: str
+    metrics: Metrics
+    seconds: Floats
+    errors_m: Floats
+
+
+def read_runs(folders: Sequence[Path]) -> list[RunFolder]:
+    """
+    Read results folders.
+
+    Raises
+    ------
+    ResultsError
+        A folder holds no readable `metrics.json`.
+    TrajectoryError
+        A trajectory in it is malformed.
+
+    """
+    return [_read(folder, label) for folder, label in zip(folders, _labels(folders), strict=True)]
+
+
+def _labels(folders: Sequence[Path]) -> list[str]:
+    """Return the fewest trailing parts of the paths that set them apart."""
+    parts = [folder.absolute().parts for folder in folders]
+    for depth in range(1, max(map(len, parts)) + 1):
+        labels = ['/'.join(part[-depth:]) for part in parts]
+        if len(set(labels)) == len(labels):
+            return labels
+    return [f'{number}: {folder}' for number, folder in enumerate(folders, start=1)]
+
+
+def _read(folder: Path, label: str) -> RunFolder:
+    path = folder / 'metrics.json'
+    try:
+        metrics = json.loads(path.read_text(encoding='utf-8'))
+    except OSError as error:
+        raise ResultsError(
+            f'{path}: {error.strerror}; expected a folder that gip replay or gip demo wrote'
+        ) from None
+    except ValueError as error:
+        raise ResultsError(f'{path}: is no JSON ({error})') from None
+    if not isinstance(metrics, dict) or 'frames' not in metrics:
+        raise ResultsError(f'{path}: holds no figures of a run; expected the key "frames"')
+    return RunFolder(label, metrics, *_errors(folder))
+
+
+def _errors(folder: Path) -> tuple[Floats, Floats]:
+    truth_file, estimate_file = folder / 'ground_truth.tum', folder / 'estimate.tum'
+    if not truth_file.is_file() or not estimate_file.is_file() or not estimate_file.stat().st_size:
+        return np.empty(0), np.empty(0)
+    truth, estimate = read_tum(truth_file), read_tum(estimate_file)
+    return _distances(truth, estimate)
+
+
+def _distances(truth: Trajectory, estimate: Trajectory) -> tuple[Floats, Floats]:
+    apart = estimate.poses - truth.at(estimate.stamps_ns)
+    errors = np.hypot(apart[:, 0], apart[:, 1])
+    known = np.isfinite(errors)
+    seconds = (estimate.stamps_ns - truth.stamps_ns[0]) * 1e-9
+    return seconds[known], errors[known]
+
+
+def metric_lines(runs: Sequence[RunFolder]) -> list[list[str]]:
+    """Return one line per figure: name and unit, then the value of each run."""
+    lines = []
+    for key, name, unit, scale, form in TABLE:
+        values = [look_up(run.metrics, key) for run in runs]
+        texts = [UNKNOWN if value is None else format(value * scale, form) for value in values]
+        lines.append([f'{name} [{unit}]' if unit else name, *texts])
+    complete = ['yes' if run.metrics.get('complete', True) else 'no' for run in runs]
+    return [['complete', *complete], *lines]
+
+
+def parameter_lines(runs: Sequence[RunFolder]) -> list[list[str]]:
+    """Return one line per parameter or source that is not the same in all runs."""
+    flat = [_flat(run.metrics.get('config', {})) for run in runs]
+    names = dict.fromkeys(name for config in flat for name in config)
+    lines = [[name, *(config.get(name, '-') for config in flat)] for name in names]
+    return [line for line in lines if len(set(line[1:])) > 1]
+
+
+def _flat(config: Any) -> dict[str, str]:
+    if not isinstance(config, dict):
+        return {}
+    parameters = config.get('parameters')
+    flat = {str(k): str(v) for k, v in config.items() if k != 'parameters'}
+    return flat | {str(k): str(v) for k, v in (parameters or {}).items()}
+
+
+def comparison_figure(runs: Sequence[RunFolder]) -> Figure:
+    """Draw position error over time, and its distribution, of all runs in one figure."""
+    figure = Figure(figsize=(5.2, 6.4))
+    over_time, spread = figure.subplots(2, 1)
+    for run in runs:
+        if len(run.errors_m) == 0:
+            continue
+        error_mm = np.maximum(run.errors_m * 1e3, 1e-3)
+        over_time.plot(run.seconds, error_mm, lw=1.0, label=run.label)
+        ranked = np.sort(error_mm)
+        share = np.arange(1, len(ranked) + 1) / max(int(run.metrics['frames']), len(ranked))
+        spread.step(ranked, 100.0 * share, where='post', label=run.label)
+    over_time.set(yscale='log', xlabel='time [s]', ylabel='position error [mm]')
+    spread.set(xscale='log', ylim=(0.0, 101.0), xlabel='position error [mm]',
+               ylabel='frames published with no more [%]')
+    for axis in (over_time.yaxis, spread.xaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FormatStrFormatter('%g'))
+        axis.set_minor_formatter(NullFormatter())
+    if any(len(run.errors_m) for run in runs):
+        over_time.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=8)
+    return figure
