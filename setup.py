@@ -71,7 +71,7 @@ setup(
             'colcon-library-path',
         ],
     },
-    zip_safe=True,
+    zip_safe=False,
     entry_points={
         'console_scripts': [
             f'localizer = {PACKAGE}.ros.localizer_node:main',

@@ -110,6 +110,10 @@ class Localizer:
         self._search_map = False
         self._fresh_prior = True
 
+    def prepare(self, camera: CameraModel) -> None:
+        """Precompute what a camera needs before its first frame, which tells what is wrong."""
+        self._prepare(0, camera)
+
     def add_odometry(self, sample: OdometrySample) -> bool:
         """Take an odometry sample; False where it is refused."""
         return self.tracker.odometry.add(sample)

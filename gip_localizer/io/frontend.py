@@ -11,6 +11,7 @@ Nothing here raises on a bad message: what is wrong is in the `Estimate` of the 
 from __future__ import annotations
 
 from collections.abc import Callable
+import contextlib
 from typing import Any
 
 import numpy as np
@@ -86,6 +87,9 @@ class Frontend:
         self._info_raw = raw
         self._camera = None
         self.complaints.pop('camera_info', None)
+        # Ahead of the first frame, which tells what is wrong.
+        with contextlib.suppress(CalibrationError):
+            self.localizer.prepare(self._calibrated_camera())
 
     def on_odometry(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""
@@ -157,13 +161,16 @@ class Frontend:
             return Estimate(stamp, Status.NO_CALIBRATION, str(error))
         return self.localizer.update(stamp, image, camera)
 
-    def _camera_for(self, image: Grey) -> CameraModel:
+    def _calibrated_camera(self) -> CameraModel:
         if self._camera is None:
             assert self._calibration is not None
             pose = self.parameters.camera
             extrinsics = Extrinsics(pose.x, pose.y, pose.z, pose.roll, pose.pitch, pose.yaw)
             self._camera = CameraModel(self._calibration, extrinsics, rectified=pose.rectified)
-        camera = self._camera
+        return self._camera
+
+    def _camera_for(self, image: Grey) -> CameraModel:
+        camera = self._calibrated_camera()
         height, width = image.shape
         if (width, height) == (camera.width, camera.height):
             return camera

@@ -1,0 +1,65 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The desk tool `gip`: one module per verb, each with `add_parser` and `run`.
+
+Modules of verbs import what is heavy inside `run`, so that `gip --help` answers at once.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import importlib
+import importlib.util
+import sys
+
+from gip_localizer import __version__
+from gip_localizer.errors import GipError
+
+VERBS = ('demo', 'simulate', 'replay', 'compare', 'evaluate', 'paper', 'bench', 'params')
+INTERRUPTED = 130
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of `gip` with all verbs."""
+    parser = argparse.ArgumentParser(
+        prog='gip', description='Camera localization on a road map: the desk tool.'
+    )
+    parser.add_argument('--version', action='version', version=f'gip_localizer {__version__}')
+    verbs = parser.add_subparsers(title='verbs', metavar='VERB', required=True)
+    for verb in VERBS:
+        if importlib.util.find_spec(f'{__name__}.{verb}') is None:
+            continue
+        importlib.import_module(f'{__name__}.{verb}').add_parser(verbs)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """
+    Run a verb.
+
+    Parameters
+    ----------
+    argv : sequence of str or None
+        Arguments after the program's name; None: those of the process.
+
+    Returns
+    -------
+    int
+        0: done; 1: an error that the user can mend, or a verdict that failed; 130: Ctrl-C.
+
+    """
+    args = build_parser().parse_args(argv)
+    try:
+        return int(args.run(args))
+    except GipError as error:
+        print(f'gip: {error}', file=sys.stderr)
+        return 1
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 1
+    except KeyboardInterrupt:
+        print('gip: stopped', file=sys.stderr)
+        return INTERRUPTED

@@ -1,0 +1,136 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""`gip demo`: a camera, the node and a judge, in three processes over DDS."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+import signal
+import sys
+import tempfile
+import time
+from typing import Any, TYPE_CHECKING
+
+from gip_localizer.errors import GipError
+from gip_localizer.parameters import METRICS, Parameters
+
+if TYPE_CHECKING:
+    from gip_localizer.evaluation.run import Run
+    from gip_localizer.ros.demo_observer import DemoObserver
+    from gip_localizer.ros.processes import NodeProcesses
+
+START_WITHIN = 30.0
+"""Time (s) in which the first pose must arrive."""
+DRAIN = 1.0
+"""Time (s) in which the last poses may arrive after the drive."""
+TICK = 0.2
+
+
+def add_parser(verbs: Any) -> None:
+    """Add the verb to the parser of `gip`."""
+    parser = verbs.add_parser(
+        'demo', help='a camera, the node and a judge over DDS; fails when a bound is missed'
+    )
+    parser.add_argument(
+        '--world', default='road', help='road, tiles or a map YAML (default: road)'
+    )
+    parser.add_argument(
+        '--rate', type=_positive, default=10.0, help='images per second (default: 10)'
+    )
+    parser.add_argument(
+        '--seconds', type=_positive, default=20.0, help='length of the drive (default: 20)'
+    )
+    parser.add_argument(
+        '--metric', choices=METRICS, default=Parameters().score.metric,
+        help='how candidates are scored (default: %(default)s)',
+    )
+    parser.add_argument('--out', type=Path, default=Path('results/demo'), help='results folder')
+    parser.add_argument('--force', action='store_true', help='replace results that lie there')
+    parser.set_defaults(run=run)
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < 1e5:
+        raise argparse.ArgumentTypeError(f'expected a number above 0, got {text}')
+    return value
+
+
+def run(args: argparse.Namespace) -> int:
+    """Drive, judge, write the results folder and print the verdict."""
+    from gip_localizer.evaluation.demo import missed_bounds
+    from gip_localizer.evaluation.metrics import format_table, table_rows
+    from gip_localizer.evaluation.results import check_output, write_results
+
+    check_output(args.out, args.force)
+    # A plain `kill` must end the children too: as Ctrl-C does.
+    for request in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(request, lambda number, _: sys.exit(128 + number))
+    with tempfile.TemporaryDirectory(prefix='gip_demo_') as folder:
+        finished = _drive(args, Path(folder))
+    metrics = write_results(args.out, finished, args.force)
+    print(format_table(table_rows(metrics)))
+    print(f'report: {args.out / "report.html"}')
+    missed = missed_bounds(metrics)
+    for line in missed:
+        print(f'gip demo: missed: {line}', file=sys.stderr)
+    return 1 if missed else 0
+
+
+def _drive(args: argparse.Namespace, folder: Path) -> Run:
+    from gip_localizer.evaluation.demo_scene import demo_scene
+    from gip_localizer.ros.demo_observer import DemoObserver
+    from gip_localizer.ros.middleware import image_environment, private_graph
+    from gip_localizer.ros.processes import NodeProcesses
+
+    print(f'making the world {args.world} ...', flush=True)
+    scene = demo_scene(args.world, folder, rate=args.rate, metric=args.metric)
+    environment = {**image_environment(), **private_graph(os.getpid() % 100 + 1)}
+    os.environ.update(environment)
+    with NodeProcesses(folder, environment) as nodes, DemoObserver() as observer:
+        nodes.start('localizer', scene.localizer.to_dict())
+        nodes.start('synthetic_camera', {**scene.camera.to_dict(), 'publish.wait': True})
+        _await_first_pose(nodes, observer)
+        observer.look()
+        seconds = _watch(nodes, observer, args.seconds)
+        nodes.end('synthetic_camera')
+        observer.listen_for(DRAIN)
+    return scene.judged(observer.hearing, observer.exhibits(), seconds)
+
+
+def _await_first_pose(nodes: NodeProcesses, observer: DemoObserver) -> None:
+    print('starting camera and localizer ...', flush=True)
+    until = time.monotonic() + START_WITHIN
+    while not observer.hearing.poses:
+        nodes.check()
+        if time.monotonic() > until:
+            said = observer.hearing.sayings
+            reason = said[-1][1] if said else nodes.last_words('localizer')
+            raise GipError(f'no pose within {START_WITHIN:g} s; the localizer says: {reason}')
+        observer.listen_for(TICK)
+
+
+def _watch(nodes: NodeProcesses, observer: DemoObserver, seconds: float) -> float:
+    """Listen for the length of the drive, with a progress line; return the seconds listened."""
+    from tqdm import tqdm
+
+    hearing = observer.hearing
+    began = time.monotonic()
+    form = '{desc} {percentage:3.0f}%|{bar:20}| {elapsed} {postfix}'
+    with tqdm(total=seconds, desc='driving', bar_format=form, disable=None) as bar:
+        while (elapsed := time.monotonic() - began) < seconds:
+            nodes.check()
+            observer.listen_for(min(TICK, seconds - elapsed))
+            error, latency = hearing.error_m(), hearing.latency_ms()
+            bar.set_postfix_str(
+                f'{len(hearing.poses)}/{len(hearing.truth)} frames'
+                + (f', error {1e3 * error:.0f} mm' if error is not None else '')
+                + (f', latency {latency:.0f} ms' if latency is not None else '')
+            )
+            bar.update(min(time.monotonic() - began, seconds) - bar.n)
+    return time.monotonic() - began

@@ -1,0 +1,181 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Results as ROS messages.
+
+Sequences are given as `array.array`: anything else is checked element by element by rclpy.
+
+"""
+
+from __future__ import annotations
+
+from array import array
+import math
+
+from builtin_interfaces.msg import Time
+import cv2
+from geometry_msgs.msg import Pose, PoseStamped, PoseWithCovarianceStamped
+from nav_msgs.msg import OccupancyGrid, Odometry
+import numpy as np
+from numpy.typing import NDArray
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_msgs.msg import Header
+
+from gip_localizer.core.camera import Calibration
+from gip_localizer.core.pose import Pose2
+from gip_localizer.core.raster_map import RasterMap, WHITE
+from gip_localizer.io.messages import full_covariance, quaternion_of_yaw
+from gip_localizer.synthetic.wheel_odometry import OdometryReading
+
+NS = 1_000_000_000
+UNOBSERVED = 1.0
+"""Variance of z (m²), roll and pitch (rad²): not estimated, the road is taken for flat."""
+MAX_GRID_CELLS = 4_000_000
+"""A larger map is shown with coarser cells in RViz."""
+NO_DATA = -1
+
+
+def time_of(stamp_ns: int) -> Time:
+    """Return nanoseconds since the epoch as a message."""
+    return Time(sec=stamp_ns // NS, nanosec=stamp_ns % NS)
+
+
+def header_of(stamp_ns: int, frame: str) -> Header:
+    """Return the header of something that holds at a time in a frame."""
+    return Header(stamp=time_of(stamp_ns), frame_id=frame)
+
+
+def pose_of(pose: Pose2) -> Pose:
+    """Return a planar pose, on z = 0."""
+    message = Pose()
+    message.position.x, message.position.y = float(pose.x), float(pose.y)
+    orientation = message.orientation
+    orientation.x, orientation.y, orientation.z, orientation.w = quaternion_of_yaw(pose.yaw)
+    return message
+
+
+def pose_stamped(stamp_ns: int, frame: str, pose: Pose2) -> PoseStamped:
+    """Return a planar pose with its header."""
+    return PoseStamped(header=header_of(stamp_ns, frame), pose=pose_of(pose))
+
+
+def pose_with_covariance(
+    stamp_ns: int, frame: str, pose: Pose2, covariance: NDArray[np.floating]
+) -> PoseWithCovarianceStamped:
+    """
+    Return a planar pose with its uncertainty.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        Nanoseconds since the epoch.
+    frame : str
+        Frame of the pose and of the covariance.
+    pose : Pose2
+        Metres and radians.
+    covariance : (3, 3) float64
+        Of x, y [m] and yaw [rad].
+
+    Returns
+    -------
+    PoseWithCovarianceStamped
+        x, y and yaw filled; z, roll and pitch are independent, with fixed variances.
+
+    """
+    message = PoseWithCovarianceStamped(header=header_of(stamp_ns, frame))
+    message.pose.pose = pose_of(pose)
+    message.pose.covariance = full_covariance(covariance, unobserved=UNOBSERVED)
+    return message
+
+
+def mono8(stamp_ns: int, frame: str, pixels: NDArray[np.uint8]) -> Image:
+    """Return a grey picture (h, w) as a message."""
+    return _image(stamp_ns, frame, pixels, 'mono8')
+
+
+def bgr8(stamp_ns: int, frame: str, pixels: NDArray[np.uint8]) -> Image:
+    """Return a colour picture (h, w, 3), blue first, as a message."""
+    return _image(stamp_ns, frame, pixels, 'bgr8')
+
+
+def mono16(stamp_ns: int, frame: str, pixels: NDArray[np.uint16]) -> Image:
+    """Return a 16 bit grey picture (h, w) as a message."""
+    return _image(stamp_ns, frame, pixels, 'mono16')
+
+
+def _image(stamp_ns: int, frame: str, pixels: NDArray[np.generic], encoding: str) -> Image:
+    little = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder('<'))
+    return Image(
+        header=header_of(stamp_ns, frame),
+        height=little.shape[0], width=little.shape[1], encoding=encoding, is_bigendian=0,
+        step=little.strides[0], data=array('B', little.tobytes()),
+    )  # fmt: skip
+
+
+def jpeg(
+    stamp_ns: int, frame: str, pixels: NDArray[np.unsignedinteger], quality: int
+) -> CompressedImage:
+    """Return a grey picture (h, w), 8 or 16 bit, as JPEG (its upper 8 bits)."""
+    if pixels.dtype != np.uint8:
+        pixels = (pixels >> 8).astype(np.uint8)
+    _, encoded = cv2.imencode('.jpg', pixels, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return CompressedImage(
+        header=header_of(stamp_ns, frame), format='mono8; jpeg compressed mono8',
+        data=array('B', encoded.tobytes()),
+    )  # fmt: skip
+
+
+def camera_info(stamp_ns: int, frame: str, calibration: Calibration) -> CameraInfo:
+    """Return a calibration as a message."""
+    info = CameraInfo(
+        header=header_of(stamp_ns, frame), width=calibration.width, height=calibration.height,
+        distortion_model=calibration.model, d=array('d', calibration.D.astype(float)),
+        binning_x=calibration.binning[0], binning_y=calibration.binning[1],
+    )  # fmt: skip
+    info.k, info.r = calibration.K.ravel(), calibration.R.ravel()
+    info.p = np.hstack([calibration.P, np.zeros((3, 1))]).ravel()
+    roi = info.roi
+    roi.x_offset, roi.y_offset, roi.width, roi.height = calibration.roi
+    return info
+
+
+def odometry_of(stamp_ns: int, frame: str, base: str, reading: OdometryReading) -> Odometry:
+    """Return a reading of the wheels as a message, at a time of its own."""
+    sample = reading.sample
+    message = Odometry(header=header_of(stamp_ns, frame), child_frame_id=base)
+    message.pose.pose = pose_of(sample.pose)
+    message.pose.covariance = full_covariance(reading.pose_covariance, unobserved=UNOBSERVED)
+    twist = message.twist.twist
+    twist.linear.x, twist.linear.y = sample.forward, sample.left
+    twist.angular.z = sample.turn
+    message.twist.covariance = full_covariance(reading.twist_covariance, unobserved=UNOBSERVED)
+    return message
+
+
+def occupancy_grid(stamp_ns: int, frame: str, raster_map: RasterMap) -> OccupancyGrid:
+    """Return a map for RViz: black is 100, white is 0, no data is -1."""
+    factor = max(1, math.ceil(math.sqrt(raster_map.grey.size / MAX_GRID_CELLS)))
+    cells = _occupancy(raster_map, factor)
+    grid = OccupancyGrid(header=header_of(stamp_ns, frame))
+    grid.info.resolution = raster_map.resolution * factor
+    grid.info.height, grid.info.width = cells.shape
+    grid.info.origin = pose_of(raster_map.origin)
+    grid.data = array('b', np.flipud(cells).tobytes())
+    return grid
+
+
+def _occupancy(raster_map: RasterMap, factor: int) -> NDArray[np.int8]:
+    """Return (rows, cols) occupancy, top row first, joined from `factor` squared cells."""
+    rows, cols = (max(size // factor, 1) for size in raster_map.grey.shape)
+    # The origin is the lower-left corner: what does not fill a cell is cut at the top and right.
+    top = max(raster_map.grey.shape[0] - rows * factor, 0)
+    part = (slice(top, None), slice(0, cols * factor))
+    grey = raster_map.grey[part].astype(np.float32) / WHITE[raster_map.grey.dtype]
+    known = np.ones(grey.shape, np.float32)
+    if raster_map.valid is not None:
+        known = raster_map.valid[part].astype(np.float32)
+    if factor > 1:
+        grey = cv2.resize(grey, (cols, rows), interpolation=cv2.INTER_AREA)
+        known = cv2.resize(known, (cols, rows), interpolation=cv2.INTER_AREA)
+    occupancy = np.round(100.0 * (1.0 - np.clip(grey, 0.0, 1.0)))
+    return np.where(known > 0.5, occupancy, NO_DATA).astype(np.int8)

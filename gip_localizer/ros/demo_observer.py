@@ -1,0 +1,128 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The demo's ear: a node that hears poses, ground truth and pictures, and keeps them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+import numpy as np
+from numpy.typing import NDArray
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data, QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import Image
+
+from gip_localizer.evaluation.demo import Hearing
+from gip_localizer.evaluation.run import FrameExhibit
+from gip_localizer.io.messages import planar_pose, stamp_ns
+
+PICTURES = {
+    'image': 'camera image',
+    'localizer/birdseye': "bird's-eye view, mean per cell",
+    'localizer/overlay': 'matched map window beside the view',
+}
+KEPT_FRAMES = 3
+"""Stamps for which pictures are held while waiting for their companions."""
+
+
+class DemoObserver:
+    """
+    Listens to a synthetic camera and a localizer; use as a context manager.
+
+    Attributes
+    ----------
+    hearing : Hearing
+        What was heard so far.
+
+    """
+
+    def __init__(self) -> None:
+        self.hearing = Hearing()
+        self._pictures: dict[int, dict[str, NDArray[Any]]] = {}
+        self._complete: tuple[int, dict[str, NDArray[Any]]] | None = None
+
+    def __enter__(self) -> DemoObserver:
+        """Join the graph."""
+        # Ctrl-C is the demo's own affair: it must end its children first.
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node('demo', enable_rosout=False, start_parameter_services=False)
+        reliable = QoSProfile(depth=100)
+        listen = self._node.create_subscription
+        listen(PoseStamped, 'ground_truth', self._on_truth, reliable)
+        listen(PoseWithCovarianceStamped, 'pose_with_covariance', self._on_pose, reliable)
+        listen(DiagnosticArray, '/diagnostics', self._on_diagnostics, reliable)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+
+    def listen_for(self, seconds: float) -> None:
+        """Take what comes for so long."""
+        until = time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0.0:
+            try:
+                self._executor.spin_once(timeout_sec=left)
+            except ExternalShutdownException:
+                return
+
+    def look(self) -> None:
+        """Begin to take pictures too."""
+        for topic in PICTURES:
+            self._node.create_subscription(
+                Image, topic, self._keeper(topic), qos_profile_sensor_data
+            )
+
+    def exhibits(self) -> list[FrameExhibit]:
+        """Return the newest frame of which all pictures came; none before `look`."""
+        if self._complete is None:
+            return []
+        stamp, pictures = self._complete
+        images = {caption: pictures[topic] for topic, caption in PICTURES.items()}
+        return [FrameExhibit('One frame of the run', stamp, images)]
+
+    def _on_truth(self, message: PoseStamped) -> None:
+        self.hearing.truth[stamp_ns(message.header)] = planar_pose(message.pose)
+
+    def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
+        stamp = stamp_ns(message.header)
+        latency_ms = (self._node.get_clock().now().nanoseconds - stamp) * 1e-6
+        full = np.asarray(message.pose.covariance).reshape(6, 6)
+        covariance = full[np.ix_((0, 1, 5), (0, 1, 5))]
+        self.hearing.poses[stamp] = (planar_pose(message.pose.pose), covariance, latency_ms)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        said = (stamp_ns(message.header), message.status[0].message)
+        if not self.hearing.sayings or self.hearing.sayings[-1][1] != said[1]:
+            self.hearing.sayings.append(said)
+
+    def _keeper(self, topic: str) -> Callable[[Image], None]:
+        def keep(message: Image) -> None:
+            stamp = stamp_ns(message.header)
+            pictures = self._pictures.setdefault(stamp, {})
+            pictures[topic] = _pixels(message)
+            if len(pictures) == len(PICTURES):
+                self._complete = (stamp, pictures)
+            for old in sorted(self._pictures)[:-KEPT_FRAMES]:
+                del self._pictures[old]
+
+        return keep
+
+
+def _pixels(message: Image) -> NDArray[Any]:
+    """Return mono8 (h, w) or bgr8 as RGB (h, w, 3): what the camera and the node send here."""
+    channels = 3 if message.encoding == 'bgr8' else 1
+    rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.step)
+    pixels = rows[:, : message.width * channels].reshape(message.height, message.width, channels)
+    return pixels[:, :, ::-1].copy() if channels == 3 else pixels[:, :, 0].copy()

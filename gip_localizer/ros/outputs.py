@@ -1,0 +1,94 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Everything the node `localizer` publishes."""
+
+from __future__ import annotations
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from nav_msgs.msg import OccupancyGrid
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from sensor_msgs.msg import Image
+from std_msgs.msg import Float64, Header
+
+from gip_localizer.core.estimate import Estimate
+from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.evaluation.pictures import birdseye_picture, overlay_picture
+from gip_localizer.ros.conversions import (
+    bgr8,
+    mono8,
+    occupancy_grid,
+    pose_stamped,
+    pose_with_covariance,
+)
+from gip_localizer.ros.diagnostics import diagnostic_array, Health
+
+QUALITY = 'correlation'
+"""The figure of an estimate that `~/quality` carries."""
+
+
+class Outputs:
+    """
+    The publishers of a node, and what goes out on them.
+
+    Parameters
+    ----------
+    node : Node
+        Publishes.
+    frame : str
+        The map's frame, in which poses are given.
+    raster_map : RasterMap
+        Published once, for those who come later too.
+
+    """
+
+    def __init__(self, node: Node, frame: str, raster_map: RasterMap) -> None:
+        self._node = node
+        self._frame = frame
+        self._raster_map = raster_map
+        reliable = QoSProfile(depth=10)
+        self._pose = node.create_publisher(PoseStamped, 'pose', reliable)
+        self._with_covariance = node.create_publisher(
+            PoseWithCovarianceStamped, 'pose_with_covariance', reliable
+        )
+        self._quality = node.create_publisher(Float64, '~/quality', reliable)
+        self._execution = node.create_publisher(Float64, '~/execution_time_ms', reliable)
+        self._birdseye = node.create_publisher(Image, '~/birdseye', qos_profile_sensor_data)
+        self._overlay = node.create_publisher(Image, '~/overlay', qos_profile_sensor_data)
+        self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', reliable)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._map = node.create_publisher(OccupancyGrid, 'map', latched)
+        self._map.publish(occupancy_grid(self._now_ns(), frame, raster_map))
+
+    def publish(self, estimate: Estimate, elapsed_ms: float) -> None:
+        """Publish a pose, if the estimate holds one, and the figures of the frame."""
+        if estimate.pose is not None and estimate.covariance is not None:
+            at = (estimate.stamp_ns, self._frame, estimate.pose)
+            self._pose.publish(pose_stamped(*at))
+            self._with_covariance.publish(pose_with_covariance(*at, estimate.covariance))
+        self._execution.publish(Float64(data=elapsed_ms))
+        if QUALITY in estimate.quality:
+            self._quality.publish(Float64(data=float(estimate.quality[QUALITY])))
+
+    def publish_pictures(self, estimate: Estimate, frame: str) -> None:
+        """Publish what the match looked like, in the vehicle's frame, if someone is looking."""
+        match = estimate.match
+        if match is None:
+            return
+        if self._birdseye.get_subscription_count():
+            picture = birdseye_picture(match.view)
+            self._birdseye.publish(mono8(estimate.stamp_ns, frame, picture))
+        pose = estimate.pose or (match.fit.pose if match.fit is not None else None)
+        if pose is not None and self._overlay.get_subscription_count():
+            picture = overlay_picture(self._raster_map, match.view, pose)
+            self._overlay.publish(bgr8(estimate.stamp_ns, frame, picture))
+
+    def tell(self, health: Health) -> None:
+        """Publish diagnostics."""
+        header = Header(stamp=self._node.get_clock().now().to_msg())
+        name = self._node.get_fully_qualified_name().lstrip('/')
+        self._diagnostics.publish(diagnostic_array(health, name, header))
+
+    def _now_ns(self) -> int:
+        return int(self._node.get_clock().now().nanoseconds)

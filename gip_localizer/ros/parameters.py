@@ -1,0 +1,130 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A tree of parameters as parameters of a node: declared once, judged whole, swapped whole.
+
+A change is judged by rebuilding the whole tree, so that a refusal names its reason; only then
+is the tree replaced, between two frames, so that no half-applied state exists.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+import difflib
+import sys
+from typing import Generic, TypeVar
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from gip_localizer.errors import ParameterError
+from gip_localizer.parameter_specs import ParameterGroup, Spec
+
+Tree = TypeVar('Tree', bound=ParameterGroup)
+LARGEST_INTEGER = 2**53
+
+
+class LiveParameters(Generic[Tree]):
+    """
+    The parameters of a node as one object that is always whole.
+
+    Parameters
+    ----------
+    node : Node
+        Declares the parameters and takes changes to them.
+    kind : type of ParameterGroup
+        The tree; its specs give types, ranges, units and meanings.
+    on_change : callable or None
+        Called with the new tree after a change was taken.
+
+    Raises
+    ------
+    ParameterError
+        A value given at start is of the wrong type, out of range or refused by the whole.
+
+    """
+
+    def __init__(
+        self, node: Node, kind: type[Tree], on_change: Callable[[Tree], None] | None = None
+    ) -> None:
+        self._on_change = on_change
+        self._names = frozenset(spec.name for spec in kind.specs())
+        self.value: Tree = kind.from_dict({s.name: _declare(node, s) for s in kind.specs()})
+        _warn_of_unknown_names(node, self._names)
+        node.add_on_set_parameters_callback(self._judge)
+        node.add_post_set_parameters_callback(self._swap)
+
+    def _judge(self, changes: Sequence[Parameter]) -> SetParametersResult:
+        try:
+            self.value.replace(self._ours(changes))
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _swap(self, changes: Sequence[Parameter]) -> None:
+        ours = self._ours(changes)
+        if not ours:
+            return
+        self.value = self.value.replace(ours)
+        if self._on_change is not None:
+            self._on_change(self.value)
+
+    def _ours(self, changes: Sequence[Parameter]) -> dict[str, object]:
+        return {change.name: change.value for change in changes if change.name in self._names}
+
+
+def descriptor(spec: Spec) -> ParameterDescriptor:
+    """Return what `ros2 param describe` tells of a parameter."""
+    unit = f' [{spec.unit}]' if spec.unit else ''
+    described = ParameterDescriptor(
+        description=f'{spec.description}{unit}',
+        additional_constraints=spec.allowed(),
+        read_only=spec.read_only,
+    )
+    bounded = spec.low is not None or spec.high is not None
+    if bounded and spec.type is float:
+        low = -sys.float_info.max if spec.low is None else spec.low
+        high = sys.float_info.max if spec.high is None else spec.high
+        described.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    elif bounded and spec.type is int:
+        low = -LARGEST_INTEGER if spec.low is None else int(spec.low)
+        high = LARGEST_INTEGER if spec.high is None else int(spec.high)
+        described.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
+    return described
+
+
+def _declare(node: Node, spec: Spec) -> object:
+    """Declare one parameter; a value given at start is judged in this package's words."""
+    given = _given_at_start(node).get(spec.name)
+    default = spec.default if given is None else spec.checked(given.value)
+    try:
+        return node.declare_parameter(
+            spec.name, default, descriptor(spec), ignore_override=given is not None
+        ).value
+    except ParameterException as error:
+        raise ParameterError(
+            f'parameter {spec.name}: expected {spec.allowed()}; {error}'
+        ) from None
+
+
+def _given_at_start(node: Node) -> Mapping[str, Parameter]:
+    """Return what the command line and parameter files set; rclpy has no public word for it."""
+    given: Mapping[str, Parameter] = getattr(node, '_parameter_overrides', {})
+    return given
+
+
+def _warn_of_unknown_names(node: Node, names: frozenset[str]) -> None:
+    """Tell of a misspelt name, which rclpy would ignore."""
+    for name in _given_at_start(node):
+        if name not in names and not node.has_parameter(name):
+            close = difflib.get_close_matches(name, names, n=1)
+            guess = f'; did you mean {close[0]}?' if close else ''
+            node.get_logger().warning(f'parameter {name} is unknown and ignored{guess}')

@@ -1,0 +1,65 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How every node of the package starts and ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rclpy.exceptions import NameValidationException
+from rclpy.executors import (
+    ExternalShutdownException,
+    MultiThreadedExecutor,
+    SingleThreadedExecutor,
+)
+from rclpy.logging import get_logger
+from rclpy.node import Node
+
+from gip_localizer.errors import GipError
+
+
+def run_node(
+    make: Callable[[], Node], name: str, args: Sequence[str] | None = None, *, threads: int = 1
+) -> int:
+    """
+    Spin a node until Ctrl-C, SIGTERM or the shutdown of its context.
+
+    Parameters
+    ----------
+    make : callable
+        Builds the node; may raise GipError.
+    name : str
+        Name of the logger for what happens before the node exists.
+    args : sequence of str or None
+        Command line; None: that of the process.
+    threads : int
+        For callback groups that run beside each other.
+
+    Returns
+    -------
+    int
+        Exit code: 0 after an orderly end, 1 after an error that the user can mend.
+
+    """
+    try:
+        rclpy.init(args=list(args) if args is not None else None)
+    except RuntimeError as error:  # rcl's error: arguments or a parameter file it cannot read
+        get_logger(name).fatal(str(error))
+        return 1
+    node = None
+    try:
+        node = make()
+        executor = MultiThreadedExecutor(threads) if threads > 1 else SingleThreadedExecutor()
+        executor.add_node(node)
+        executor.spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except (GipError, NameValidationException) as error:
+        get_logger(name).fatal(str(error))
+        return 1
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0

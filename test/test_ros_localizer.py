@@ -1,0 +1,322 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The node `localizer` as a process of its own, over real DDS."""
+
+from __future__ import annotations
+
+from array import array
+from itertools import count
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import OccupancyGrid
+from rclpy.qos import qos_profile_sensor_data
+from ros_support import GRAPH, Tester
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Float64
+
+from gip_localizer.core.camera import Calibration, CameraModel, Extrinsics
+from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.io.map_files import save_map
+from gip_localizer.io.messages import planar_pose
+from gip_localizer.ros.conversions import header_of, mono8, pose_of
+from gip_localizer.ros.processes import NodeProcesses
+from gip_localizer.synthetic.renderer import Renderer
+
+pytestmark = pytest.mark.ros
+
+START = Pose2(1.0, -0.5, 0.3)
+EXTRINSICS = Extrinsics(x=0.2, y=-0.1, z=1.2, roll=0.01, pitch=0.35, yaw=-0.02)
+INTRINSICS = np.array([[300.0, 0.0, 159.5], [0.0, 300.0, 119.5], [0.0, 0.0, 1.0]])
+CALIBRATION = Calibration(320, 240, INTRINSICS, np.array([-0.05, 0.01, 0.0, 0.0, 0.0]))
+VIEW = {'birdseye.near': 1.8, 'birdseye.far': 6.0, 'birdseye.half_width': 1.5}
+SECOND = 1_000_000_000
+
+
+def blurred_noise(seed):
+    """A road like no other at any place: noise with features of some cells."""
+    noise = np.random.default_rng(seed).normal(size=(500, 500)).astype(np.float32)
+    smooth = cv2.GaussianBlur(noise, (0, 0), 2.0) + cv2.GaussianBlur(noise, (0, 0), 8.0) * 3.0
+    return np.clip(0.45 + 0.15 * smooth / smooth.std(), 0.0, 1.0).astype(np.float32)
+
+
+WORLD = RasterMap(blurred_noise(4), 0.04, Pose2(-10.0, -10.0, 0.0))
+
+
+@pytest.fixture(scope='module')
+def map_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp('map') / 'road.yaml'
+    save_map(WORLD, path)
+    return path
+
+
+@pytest.fixture(scope='module')
+def render():
+    renderer = Renderer(WORLD, CameraModel(CALIBRATION, EXTRINSICS))
+    return lambda pose: np.round(255.0 * renderer.render(pose)).astype(np.uint8)
+
+
+@pytest.fixture
+def tester():
+    node = Tester()
+    yield node
+    node.close()
+
+
+@pytest.fixture
+def nodes(tmp_path):
+    with NodeProcesses(tmp_path, GRAPH) as processes:
+        yield processes
+
+
+def parameters(map_file, changes=None):
+    camera = {f'camera.{name}': float(value) for name, value in vars(EXTRINSICS).items()}
+    start = {f'initial_pose.{name}': float(getattr(START, name)) for name in ('x', 'y', 'yaw')}
+    fixed = {'map_file': str(map_file), 'initial_pose.set': True}
+    return {**fixed, **camera, **start, **VIEW, **(changes or {})}
+
+
+@pytest.fixture
+def localizer(nodes, tester, map_file):
+    process = nodes.start('localizer', parameters(map_file))
+    tester.until(tester.matched, 'the localizer to join', alive=process)
+    return process
+
+
+def camera_info(**changes):
+    info = CameraInfo(width=320, height=240, distortion_model='plumb_bob')
+    info.k, info.d = INTRINSICS.ravel(), array('d', CALIBRATION.D)
+    info.p = np.hstack([INTRINSICS, np.zeros((3, 1))]).ravel()
+    info.r = np.eye(3).ravel()
+    for name, value in changes.items():
+        setattr(info, name, value)
+    return info
+
+
+def initial_pose(pose, frame='map'):
+    message = PoseWithCovarianceStamped(header=header_of(SECOND, frame))
+    message.pose.pose = pose_of(pose)
+    message.pose.covariance = np.diag([0.04, 0.04, 0.0, 0.0, 0.0, 0.001]).ravel()
+    return message
+
+
+def send(tester, image, process, info=None):
+    """Send one frame, and listen for a moment."""
+    tester.info.publish(info or camera_info())
+    tester.image.publish(image)
+    for _ in range(5):
+        tester.executor_.spin_once(timeout_sec=0.02)
+    assert process.poll() is None
+
+
+def frames(pixels, start_ns=1_700_000_000 * SECOND):
+    """Yield the same picture again and again, a tenth of a second apart."""
+    for stamp in count(start_ns, SECOND // 10):
+        yield mono8(stamp, 'camera', pixels)
+
+
+def localized(tester, images, process):
+    """Send frames until a pose comes (the first ones may precede the calibration)."""
+    wanted = len(tester.poses) + 1
+
+    def came():
+        send(tester, next(images), process)
+        return len(tester.poses) >= wanted
+
+    tester.until(came, 'a pose', alive=process)
+    return tester.poses[-1]
+
+
+def assert_near(message, truth):
+    """Within half a centimetre and a tenth of a degree: an eighth of a map cell."""
+    apart = difference(planar_pose(message.pose), truth)
+    assert math.hypot(apart[0], apart[1]) < 0.005
+    assert abs(apart[2]) < math.radians(0.1)
+
+
+def test_the_pose_that_arrives_is_right(tester, localizer, render):
+    truth = START @ Pose2(0.21, -0.13, 0.02)
+    images = frames(render(truth), 1_700_000_000 * SECOND + 23_456_789)
+    pose = localized(tester, images, localizer)
+    assert_near(pose, truth)
+    assert 1_700_000_000 <= pose.header.stamp.sec < 1_700_000_010
+    assert pose.header.stamp.nanosec % (SECOND // 10) == 23_456_789
+    assert pose.header.frame_id == 'map'
+    full = np.reshape(tester.with_covariance[-1].pose.covariance, (6, 6))
+    assert np.linalg.eigvalsh(full).min() > 0.0
+    assert 1e-5 < math.sqrt(full[0, 0]) < 0.05
+    tester.until(lambda: b'\0' in tester.levels(), 'diagnostics OK')
+
+
+def test_an_initial_pose_from_outside_moves_the_search(tester, localizer, render):
+    elsewhere = Pose2(-2.0, 1.5, 1.2)
+    tester.initial.publish(initial_pose(elsewhere @ Pose2(0.1, 0.1, -0.02)))
+    for _ in range(10):
+        tester.executor_.spin_once(timeout_sec=0.02)
+    assert_near(localized(tester, frames(render(elsewhere)), localizer), elsewhere)
+
+
+@pytest.mark.parametrize(('name', 'value', 'reason'), [
+    ('search.x', -1.0, 'search.x'),
+    ('search.x', 'wide', 'search.x'),
+    ('score.metric', 'manhattan', 'gip_normalized'),
+    ('birdseye.near', 50.0, 'birdseye.far'),
+    ('map_file', '/other.yaml', 'map_file'),
+])  # fmt: skip
+def test_bad_parameters_are_refused_with_a_reason_and_the_old_stay(
+    tester, localizer, name, value, reason
+):
+    before = tester.get(name)
+    result = tester.set(name, value)
+    assert not result.successful
+    assert reason in result.reason or 'range' in result.reason or 'type' in result.reason.lower() \
+        or 'read-only' in result.reason
+    assert result.reason
+    assert tester.get(name) == before
+    assert localizer.poll() is None
+
+
+def test_a_parameter_set_from_outside_changes_the_match(tester, localizer, render):
+    truth = START @ Pose2(0.2, 0.1, -0.01)
+    images = frames(render(truth))
+    assert_near(localized(tester, images, localizer), truth)
+    assert tester.set('score.metric', 'gip').successful
+    assert tester.get('score.metric') == 'gip'
+    assert_near(localized(tester, images, localizer), truth)
+
+
+def test_parameters_are_described_with_range_and_unit(tester, localizer):
+    described = tester.describe('camera.z')
+    assert described.description.endswith('[m]')
+    [bounds] = described.floating_point_range
+    assert bounds.from_value == 0.01
+    assert bounds.to_value == 100.0
+    assert tester.describe('map_file').read_only
+
+
+BROKEN = {
+    'short data': Image(height=240, width=320, encoding='mono8', step=320, data=array('B', b'12')),
+    'step too small': Image(
+        height=240, width=320, encoding='mono8', step=8, data=array('B', bytes(320 * 240))
+    ),
+    'no pixels': Image(),
+    'unknown encoding': Image(
+        height=240, width=320, encoding='holo9', step=320, data=array('B', bytes(320 * 240))
+    ),
+    'other size': mono8(SECOND, 'camera', np.full((100, 100), 128, np.uint8)),
+    'black': mono8(SECOND, 'camera', np.zeros((240, 320), np.uint8)),
+    'white': mono8(SECOND, 'camera', np.full((240, 320), 255, np.uint8)),
+}
+
+
+def test_no_bad_frame_ends_the_node_or_makes_a_pose(tester, localizer, render):
+    for image in BROKEN.values():
+        send(tester, image, localizer)
+    tester.until(lambda: not tester.said('no image has come yet'), 'a report of the bad frames')
+    assert tester.poses == []
+    assert tester.levels() <= {b'\1', b'\2'}
+    truth = START @ Pose2(0.05, 0.05, 0.0)
+    images = frames(render(truth))
+    assert_near(localized(tester, images, localizer), truth)
+
+
+@pytest.mark.parametrize('changes', [
+    {'k': np.zeros(9)},
+    {'k': np.full(9, math.nan)},
+    {'distortion_model': 'crystal_ball'},
+    {'width': 0, 'height': 0},
+], ids=lambda changes: next(iter(changes)))  # fmt: skip
+def test_a_bad_calibration_is_reported_and_a_good_one_mends_it(
+    tester, localizer, render, changes
+):
+    truth = START @ Pose2(0.05, 0.05, 0.0)
+    images = frames(render(truth))
+
+    def reported():
+        send(tester, next(images), localizer, camera_info(**changes))
+        return tester.said('CameraInfo')
+
+    tester.until(reported, 'a report of the calibration', alive=localizer)
+    assert tester.poses == []
+    assert_near(localized(tester, images, localizer), truth)
+
+
+def test_a_prior_in_another_frame_or_not_finite_is_refused(tester, localizer):
+    moon, not_finite = initial_pose(START, 'moon'), initial_pose(Pose2(math.nan, 0.0, 0.0))
+    for bad in (moon, not_finite, initial_pose(Pose2(500.0, 0.0, 0.0))):
+        tester.diagnostics.clear()
+        tester.initial.publish(bad)
+        tester.until(lambda: tester.said('initialpose'), 'a report', alive=localizer)
+
+
+def test_services_disable_and_enable(tester, localizer, render):
+    assert tester.switch('/localizer/enable', False).success
+    tester.until(lambda: tester.said('disabled'), 'the word disabled')
+    images = frames(render(START))
+    for _ in range(10):
+        send(tester, next(images), localizer)
+    assert tester.poses == []
+    assert tester.switch('/localizer/enable', True).success
+    assert_near(localized(tester, images, localizer), START)
+
+
+def test_relocalize_finds_the_vehicle_anywhere_on_the_map(tester, localizer, render):
+    far_off = Pose2(-4.0, 3.0, 2.0)
+    assert tester.trigger('/localizer/relocalize').success
+    images = frames(render(far_off))
+    assert_near(localized(tester, images, localizer), far_off)
+
+
+def test_the_map_is_shown_as_it_is(tester, localizer):
+    tester.until(lambda: tester.maps, 'the map')
+    [grid] = tester.maps
+    assert isinstance(grid, OccupancyGrid)
+    assert (grid.info.width, grid.info.height) == (500, 500)
+    assert math.isclose(grid.info.resolution, 0.04, rel_tol=1e-6)
+    shown = np.reshape(grid.data, (500, 500))
+    # Row 0 of the message is the lowest of the map; white is 0.
+    assert shown[0, 0] == pytest.approx(100.0 * (1.0 - WORLD.grey[-1, 0]), abs=1.0)
+    assert shown[-1, 7] == pytest.approx(100.0 * (1.0 - WORLD.grey[0, 7]), abs=1.0)
+
+
+def test_pictures_are_sent_while_someone_looks(tester, localizer, render):
+    seen, times = [], []
+    for topic in ('birdseye', 'overlay'):
+        name = f'/localizer/{topic}'
+        tester.create_subscription(Image, name, seen.append, qos_profile_sensor_data)
+    tester.create_subscription(Float64, '/localizer/execution_time_ms', times.append, 10)
+    images = frames(render(START))
+
+    def came():
+        send(tester, next(images), localizer)
+        return len({picture.width for picture in seen}) == 2 and times
+
+    tester.until(came, 'both pictures and the time', alive=localizer)
+    assert all(np.ptp(np.asarray(picture.data)) > 10 for picture in seen)
+    assert times[-1].data > 0.0
+
+
+@pytest.mark.parametrize(('changes', 'words'), [
+    ({'search.x': -3.0}, ('search.x', '-3.0', '0 to 1000')),
+    ({'score.metric': 'manhattan'}, ('score.metric', 'manhattan', 'euclidean')),
+    ({'camera.z': 'high'}, ('camera.z', 'high', '0.01 to 100')),
+    ({'map_file': '/nowhere/map.yaml'}, ('/nowhere/map.yaml',)),
+    ({'map_file': ''}, ('map_file',)),
+    ({'birdseye.near': 60.0}, ('birdseye.near', 'birdseye.far')),
+])  # fmt: skip
+def test_bad_parameters_at_start_end_with_one_clear_line(
+    nodes, map_file, tmp_path, changes, words
+):
+    process = nodes.start('localizer', parameters(map_file, changes))
+    assert process.wait(timeout=30) == 1
+    said = (tmp_path / 'localizer.log').read_text()
+    assert 'Traceback' not in said
+    assert all(word in said for word in words), said
+    assert '[FATAL]' in said
