@@ -63,7 +63,7 @@ class Quality:
 
 
 FAST = Quality(spacing=0.75, short_side=2.0, least=1, most=48, max_level=5)
-EXACT = Quality(spacing=0.5, short_side=2.0, least=3, most=2048, max_level=0)
+EXACT = Quality(spacing=0.5, short_side=2.0, least=3, most=600, max_level=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,14 +136,21 @@ class PixelGrid:
             sides.append(np.linalg.norm(shift / slope[:, None], axis=1))
         return sides[0], sides[1], d[:, 2] / norm
 
-    def rays_in(self, pixels: Ints, strata: tuple[int, int]) -> Floats32:
-        """Return the rays (nu * nv, m, 2) at the centres of pixels' strata."""
-        nu, nv = strata
-        fu, fv = (np.arange(nu) + 0.5) / nu, (np.arange(nv) + 0.5) / nv
-        rays = [self._at(pixels, float(a), float(b)) for b in fv for a in fu]
+    def rays_in(
+        self, pixels: Ints, strata: tuple[int, int], spread: tuple[Floats, Floats]
+    ) -> Floats32:
+        """Return the rays (nu * nv, m, 2) at pixels' strata, spread (m,) about their centres."""
+        fu, fv = (
+            0.5 + by[:, None] * ((np.arange(n) + 0.5) / n - 0.5)
+            for n, by in zip(strata, spread, strict=True)
+        )
+        rays = [
+            self._at(pixels, fu[:, i : i + 1], fv[:, j : j + 1])
+            for j in range(strata[1]) for i in range(strata[0])
+        ]
         return np.asarray(rays, np.float32)
 
-    def _at(self, pixels: Ints, fu: float, fv: float) -> Floats:
+    def _at(self, pixels: Ints, fu: Floats | float, fv: Floats | float) -> Floats:
         """Return the rays (m, 2) at a fraction of each pixel, bilinear between its corners."""
         row, col = np.divmod(pixels, self.shape[1])
         r = self._rays
@@ -184,7 +191,9 @@ def sample_groups(
         most = max(1, chunk // (strata[0] * strata[1]))
         for start in range(0, len(members), most):
             pixels = members[start : start + most]
-            rays = _in_rows(grid.rays_in(pixels, strata).reshape(-1, 2))
+            spread_u = _spread(along_u[pixels] / cell, strata[0], at)
+            spread_v = _spread(along_v[pixels] / cell, strata[1], at)
+            rays = _in_rows(grid.rays_in(pixels, strata, (spread_u, spread_v)).reshape(-1, 2))
             yield SampleGroup(pixels, strata[0] * strata[1], at, rays)
 
 
@@ -207,6 +216,31 @@ def _count(side: Floats, level: Ints, cell: float, quality: Quality) -> Ints:
     needed = np.ceil(side / (quality.spacing * cell * 2.0**level) - 1e-9)
     needed = np.maximum(needed, quality.least)
     return _STEPS[np.minimum(np.searchsorted(_STEPS, needed), len(_STEPS) - 1)]
+
+
+def _spread(side: Floats, strata: int, level: int) -> Floats:
+    """
+    Return how far to spread samples so that the mean has the footprint's second moment.
+
+    The samples' own second moment is side²/12 · (1 - 1/n²). A level above 0 adds to it: its
+    cells are boxes, and the look-up is bilinear between them, as it is in the world itself.
+
+    Parameters
+    ----------
+    side : (m,) float64
+        Sides of the footprints, in cells of the world.
+    strata : int
+        Samples along that side, n.
+    level : int
+        Pyramid level that is looked up.
+
+    """
+    if strata == 1:
+        return np.ones(len(side))
+    joined = 4.0**level
+    blur = (joined - 1.0) / 12.0 + (joined - 1.0) / 6.0
+    wanted = np.maximum(side**2 / 12.0 - blur, 0.0)
+    return np.sqrt(wanted / (np.maximum(side, 1e-9) ** 2 / 12.0 * (1.0 - strata**-2)))
 
 
 def _in_rows(rays: Floats32) -> Floats32:

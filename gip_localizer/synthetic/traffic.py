@@ -11,7 +11,7 @@ camera and subdivided, so that a distorting lens bends them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -24,9 +24,12 @@ Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
+REACH = 25.0
+"""Road beyond this distance (m) does not count when the hidden share is measured."""
 _SHIFT = 4
 _NEAREST = 0.3
 """Outlines are cut off at this depth before the camera, metres."""
+_MOST_CARS = 12
 _PIECES = 12
 """Pieces into which an edge is divided."""
 
@@ -83,44 +86,63 @@ def draw_cars(image: Floats32, camera: CameraModel, cars: Sequence[Car]) -> Bool
     return np.asarray(hidden > 127)
 
 
-def hidden_share(camera: CameraModel, cars: Sequence[Car], reach: float = 25.0) -> float:
+def hidden_share(camera: CameraModel, cars: Sequence[Car], reach: float = REACH) -> float:
     """Return the share of the pixels that see road within `reach` metres which cars hide."""
-    step = 8
-    v, u = np.mgrid[0 : camera.height : step, 0 : camera.width : step]
-    xy, valid = camera.road_points(np.column_stack([u.ravel(), v.ravel()]).astype(float))
-    road = valid & (np.linalg.norm(np.where(valid[:, None], xy, 0.0), axis=1) < reach)
-    scene = np.zeros((camera.height, camera.width), np.float32)
-    hidden = draw_cars(scene, camera, cars)[::step, ::step].ravel()
-    return float(hidden[road].sum() / max(int(road.sum()), 1))
+    small = _thumbnail(camera)
+    return _share(small, _road(small, reach), cars)
 
 
 def cars_hiding(
-    camera: CameraModel, share: float, rng: np.random.Generator, tries: int = 60
+    camera: CameraModel, share: float, rng: np.random.Generator, tries: int = 12
 ) -> list[Car]:
     """
-    Return random traffic ahead that hides about a share of the road in view.
+    Return random traffic that hides about a share of the road in view.
 
-    Cars are added in neighbouring lanes and ahead until the share is reached; of several
+    Cars are added ahead and in the neighbouring lanes until the share is reached; of several
     arrangements the nearest to the share is taken.
 
     """
+    small = _thumbnail(camera)
+    road = _road(small, REACH)
     best: list[Car] = []
     miss = share
     for _ in range(tries):
         cars: list[Car] = []
-        while len(cars) < 6 and hidden_share(camera, cars) < share - 0.02:
+        hides = 0.0
+        while len(cars) < _MOST_CARS and hides < share - 0.02:
             cars.append(_random_car(rng))
-        error = abs(hidden_share(camera, cars) - share)
-        if error < miss:
-            best, miss = cars, error
+            hides = _share(small, road, cars)
+        if abs(hides - share) < miss:
+            best, miss = cars, abs(hides - share)
         if miss < 0.02:
             break
     return best
 
 
+def _thumbnail(camera: CameraModel) -> CameraModel:
+    """Return the camera with its pixels joined to an image about 160 wide."""
+    join = max(1, camera.width // 160)
+    x, y = camera.calibration.binning
+    calibration = replace(camera.calibration, binning=(x * join, y * join))
+    return CameraModel(calibration, camera.extrinsics, rectified=camera.rectified)
+
+
+def _road(camera: CameraModel, reach: float) -> Bools:
+    """Return the pixels (height, width) that see road within some metres of base."""
+    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
+    xy, valid = camera.road_points(np.column_stack([u.ravel(), v.ravel()]).astype(float))
+    near = np.linalg.norm(np.where(valid[:, None], xy, np.inf), axis=1) < reach
+    return np.asarray(near.reshape(camera.height, camera.width))
+
+
+def _share(camera: CameraModel, road: Bools, cars: Sequence[Car]) -> float:
+    hidden = draw_cars(np.zeros(road.shape, np.float32), camera, cars)
+    return float(hidden[road].sum() / max(int(road.sum()), 1))
+
+
 def _random_car(rng: np.random.Generator) -> Car:
     lane = float(rng.choice([-3.3, 0.0, 3.3])) + float(rng.normal(0.0, 0.25))
-    nearest = 7.5 if abs(lane) < 1.8 else 5.0
+    nearest = 6.0 if abs(lane) < 1.8 else 2.0
     pose = Pose2(float(rng.uniform(nearest, 16.0)), lane, float(rng.normal(0.0, 0.06)))
     return Car(pose, float(rng.uniform(3.8, 5.2)), float(rng.uniform(1.7, 2.0)),
                float(rng.uniform(1.4, 2.1)), float(rng.choice([0.08, 0.2, 0.45, 0.75])))

@@ -82,5 +82,6 @@ def _shaken(
     )
     dx, dy, dyaw = np.sqrt(variance) * rng.standard_normal(3)
     grown = 1.0 + settings.scale_error
-    yaw = step.yaw + settings.yaw_drift * distance
-    return Pose2(step.x * grown + dx, step.y * grown + dy, yaw + dyaw), variance
+    astray = settings.yaw_drift * distance + dyaw
+    bent = Pose2(0.0, 0.0, 0.5 * astray)  # half of the turn before the step, half after
+    return bent @ Pose2(step.x * grown + dx, step.y * grown + dy, step.yaw) @ bent, variance
