@@ -21,10 +21,10 @@ from gip_localizer.core.camera import CameraModel, Extrinsics
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap, WHITE
 from gip_localizer.errors import MapError
+from gip_localizer.synthetic.pixel_grid import PixelGrid
 from gip_localizer.synthetic.pixel_sampling import (
     EXACT,
     FAST,
-    PixelGrid,
     sample_groups,
     SampleGroup,
 )
