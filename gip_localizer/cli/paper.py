@@ -5,14 +5,16 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
-from math import isnan
+from collections.abc import Callable, Iterable
 from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
+from gip_localizer.errors import ParameterError
+
 if TYPE_CHECKING:
     from gip_localizer.evaluation.paper.curves import Curves
+    from gip_localizer.evaluation.paper.geometry import PaperCamera
 
 CAMERA_OPTIONS = {
     'height': ('height', 'camera height h above the road, cm (58.3095)'),
@@ -42,6 +44,11 @@ def add_parser(verbs: Any) -> None:
         help='also test the claim on rendered images (pipeline.csv, beyond.csv and figures); '
         'up to 15 minutes',
     )
+    parser.add_argument(
+        '--trials', type=int, default=2000, metavar='N',
+        help='places per experiment of --full (default: 2000; a twentieth of it for the table '
+        'of methods)',
+    )
     output = parser.add_argument_group('output')
     output.add_argument(
         '--out', type=Path, default=Path('results/paper'), metavar='DIR',
@@ -56,62 +63,67 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compute, write and print."""
-    from tqdm import tqdm
-
     from gip_localizer.evaluation.paper.curves import compute_curves
-    from gip_localizer.evaluation.paper.figure import curves_figure
     from gip_localizer.evaluation.paper.geometry import PaperCamera
-    from gip_localizer.evaluation.paper.output import (
-        check_folder,
-        CURVES_FILE,
-        results_folder,
-        write_curves,
-    )
-    from gip_localizer.evaluation.paper.style import save_figure, styled
-
-    def progress(amplitudes: Iterable[float]) -> Iterable[float]:
-        bar: Iterable[float] = tqdm(
-            amplitudes, desc='sampling', unit='amplitude', mininterval=_bar_interval()
-        )
-        return bar
+    from gip_localizer.evaluation.paper.output import check_folder, results_folder
+    from gip_localizer.evaluation.paper.summary import curve_rows, format_rows
 
     given = {name: getattr(args, name) for name, _ in CAMERA_OPTIONS.values()}
     camera = PaperCamera(**{name: value for name, value in given.items() if value is not None})
+    if args.full and camera != PaperCamera():
+        raise ParameterError('--full tests the paper\'s own camera; leave out the camera options')
+    if args.trials < 1:
+        raise ParameterError(f'trials is {args.trials}; give --trials 1 or more')
     check_folder(args.out, args.force)
-    curves = compute_curves(camera, args.samples, args.seed, progress)
+    curves = compute_curves(camera, args.samples, args.seed, _bar('sampling', 'amplitude'))
     with results_folder(args.out, args.force) as folder:
-        write_curves(folder / CURVES_FILE, curves)
-        with styled():
-            save_figure(curves_figure(curves), folder, 'figure')
-    _print_curves(curves)
+        _write_curves(folder, curves)
+        rows = curve_rows(curves)
+        if args.full:
+            rows += _run_full(folder, camera, args.seed, args.trials)
+    print(format_rows(rows))
     print(f'wrote {args.out}')
     return 0
 
 
-def _bar_interval() -> float:
-    """Return how often a progress bar is drawn, seconds: seldom where it fills a log."""
-    return 0.1 if sys.stderr.isatty() else 15.0
+def _write_curves(folder: Path, curves: Curves) -> None:
+    from gip_localizer.evaluation.paper.figure import curves_figure
+    from gip_localizer.evaluation.paper.output import CURVES_FILE, write_curves
+    from gip_localizer.evaluation.paper.style import save_figure, styled
+
+    write_curves(folder / CURVES_FILE, curves)
+    with styled():
+        save_figure(curves_figure(curves), folder, 'figure')
 
 
-def _print_curves(curves: Curves) -> None:
-    from gip_localizer.evaluation.paper.curves import GAIN_AT
+def _run_full(
+    folder: Path, camera: PaperCamera, seed: int, trials: int
+) -> list[tuple[str, str, str]]:
+    """Run and write the experiments on images; return the rows to print."""
+    from gip_localizer.evaluation.paper import beyond, full_figures, pipeline, summary
+    from gip_localizer.evaluation.paper.output import write_table
+    from gip_localizer.evaluation.paper.style import save_figure, styled
 
-    rows = [('squares', f'{curves.squares.total}', '')]
-    for k in (0, 9, 49, 99):
-        for name in ('generalized', 'standard'):
-            exact = getattr(curves, name).exact[k]
-            rows.append((f'error at a = {curves.amplitudes[k]:g}, {name}', f'{exact:.6e}', ''))
-    for probability, gain in zip(GAIN_AT, curves.gains_db, strict=True):
-        value = ('not reached', '') if isnan(gain) else (f'{gain:.2f}', 'dB')
-        rows.append((f'gain at error {probability:g}', *value))
-    for name in ('generalized', 'standard'):
-        curve = getattr(curves, name)
-        count = len(curves.amplitudes)
-        text = f'samples outside the 99.9 % band, {name}'
-        rows.append((text, f'{curve.outside} of {count}', ''))
-        if curves.is_paper:
-            text = f'RMS of (printed - exact) / standard error, {name}'
-            rows.append((text, f'{curve.printed_rms:.3f}', ''))
-    width = max(len(row[0]) for row in rows)
-    for metric, value, unit in rows:
-        print(f'{metric:<{width}}  {value:>12} {unit}'.rstrip())
+    bar = _bar('the paper on images', 'place')
+    measured = pipeline.run_pipeline(camera, seed, bar, trials=trials)
+    write_table(folder / 'pipeline.csv', pipeline.COLUMNS, pipeline.table_rows(measured))
+    bar = _bar('beyond the paper', 'place')
+    found = beyond.run_beyond(camera, seed, bar, trials=max(trials // 20, 1))
+    write_table(folder / 'beyond.csv', beyond.COLUMNS, beyond.table_rows(found))
+    with styled():
+        save_figure(full_figures.pipeline_figure(measured), folder, 'pipeline')
+        save_figure(full_figures.beyond_figure(found), folder, 'beyond')
+    return summary.pipeline_rows(measured) + summary.beyond_rows(found)
+
+
+def _bar(text: str, unit: str) -> Callable[[Iterable[Any]], Iterable[Any]]:
+    """Return a progress bar's wrapper; drawn seldom where it would fill a log."""
+    from tqdm import tqdm
+
+    interval = 0.1 if sys.stderr.isatty() else 15.0
+
+    def wrap(items: Iterable[Any]) -> Iterable[Any]:
+        bar: Iterable[Any] = tqdm(items, desc=text, unit=unit, mininterval=interval)
+        return bar
+
+    return wrap

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
+from gip_localizer.core.arrays import Floats
 from gip_localizer.errors import ParameterError
 from gip_localizer.evaluation.paper.exact import exact_error, gain_db
-from gip_localizer.evaluation.paper.geometry import Floats, PaperCamera
+from gip_localizer.evaluation.paper.geometry import PaperCamera
 from gip_localizer.evaluation.paper.printed import printed_points, PRINTED_SAMPLES
 from gip_localizer.evaluation.paper.sampling import sampled_errors
 from gip_localizer.evaluation.paper.spread import pair_law

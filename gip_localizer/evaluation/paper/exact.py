@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
-from gip_localizer.evaluation.paper.geometry import Floats
+from gip_localizer.core.arrays import Floats
 from gip_localizer.evaluation.paper.squares import Squares
 
 Complexes = NDArray[np.complexfloating[Any, Any]]

@@ -14,11 +14,9 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gip_localizer.core.arrays import Floats
 from gip_localizer.errors import ParameterError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from importlib import resources
 
 import numpy as np
 
-from gip_localizer.evaluation.paper.geometry import Floats
+from gip_localizer.core.arrays import Floats
 
 PRINTED_SAMPLES = 10_000
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gip_localizer.evaluation.paper.geometry import Floats
+from gip_localizer.core.arrays import Floats
 from gip_localizer.evaluation.paper.theory import unweighted_cdf, weighted_cdf
 
 BATCH = 10_000  # pairs drawn at once, which bounds the memory

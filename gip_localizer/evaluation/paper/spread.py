@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import ndtr
 from scipy.stats import binom
 
-from gip_localizer.evaluation.paper.geometry import Floats
+from gip_localizer.core.arrays import Floats
 from gip_localizer.evaluation.paper.squares import Squares
 
 MAX_BINS, MIN_BINS = 4000, 300

@@ -18,8 +18,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from gip_localizer.core.arrays import Floats
 from gip_localizer.errors import ParameterError
-from gip_localizer.evaluation.paper.geometry import depth_of_distance, Floats, PaperCamera
+from gip_localizer.evaluation.paper.geometry import depth_of_distance, PaperCamera
 from gip_localizer.evaluation.paper.theory import gramian
 
 SLACK = 1e-4  # of a side: the printed parameters carry six digits

@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtr
 
-from gip_localizer.evaluation.paper.geometry import Floats, PaperCamera
+from gip_localizer.core.arrays import Floats
+from gip_localizer.evaluation.paper.geometry import PaperCamera
 
 
 def gramian(width: Floats, z_near: Floats, z_far: Floats) -> Floats:
