@@ -45,7 +45,7 @@ def make_camera(lens: str = 'none', *, held: Extrinsics = HELD, rectified: bool 
 
 
 def paper_camera() -> CameraModel:
-    """The camera of the paper's simulation: h = 58.3 cm, 35.9 degrees down, 70.5 x 39.3 degrees."""
+    """The paper's simulated camera: 58.3 cm high, 35.9 degrees down, 70.5 x 39.3 degrees wide."""
     height, pitch = 0.583095, math.radians(35.9020)
     focal = 640.0 / math.tan(math.radians(70.5288 / 2))
     rows = 2 * math.ceil(focal * math.tan(math.radians(39.2962 / 2)))

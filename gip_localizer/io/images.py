@@ -131,12 +131,17 @@ def compressed_grey_image(message: Any) -> Grey:
             f'compressed image of {data.size} bytes and format {str(message.format)!r} cannot be '
             'decoded; expected a whole jpeg or png'
         )
-    if bytes(data[:2]) == JPEG_START and JPEG_END not in bytes(data[-64:]):
+    if is_truncated_jpeg(data.tobytes()):
         raise ImageError(f'jpeg image of {data.size} bytes is truncated')
     return np.asarray(pixels)
 
 
 JPEG_START, JPEG_END, PNG_START = b'\xff\xd8', b'\xff\xd9', b'\x89PNG\r\n\x1a\n'
+
+
+def is_truncated_jpeg(content: bytes) -> bool:
+    """Tell whether it is a JPEG without its end, which OpenCV fills with grey in silence."""
+    return content[:2] == JPEG_START and JPEG_END not in content[-64:]
 
 
 def _declared_size(data: Grey) -> tuple[int, int] | None:

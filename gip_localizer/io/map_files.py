@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 import math
 import os
 from pathlib import Path
@@ -19,6 +20,7 @@ from gip_localizer.core.arrays import Bools, Grey
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap, WHITE
 from gip_localizer.errors import MapError, OutputError
+from gip_localizer.io.images import is_truncated_jpeg
 
 REQUIRED = ('image', 'resolution', 'origin')
 
@@ -115,10 +117,12 @@ def _settings(path: Path) -> Mapping[str, Any]:
 
 
 def _number(path: Path, key: str, value: object) -> float:
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not math.isfinite(value):  # type: ignore[arg-type]
-        raise MapError(f'map {path}: {key} holds {value!r}; expected a finite number')
-    return float(value)  # type: ignore[arg-type]
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        with suppress(OverflowError):
+            number = float(value)
+            if math.isfinite(number):
+                return number
+    raise MapError(f'map {path}: {key} holds {str(value)[:40]!r}; expected a finite number')
 
 
 def _read_image(
@@ -135,6 +139,8 @@ def _read_image(
             f'map {path}: its image {image} cannot be read; expected an 8 or 16 bit image, '
             'for example PNG or PGM'
         )
+    if is_truncated_jpeg(image.read_bytes()):
+        raise MapError(f'map {path}: its image {image} is cut off; copy it again')
     pixels = np.asarray(pixels)
     if pixels.ndim == 2:
         return pixels, None

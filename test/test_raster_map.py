@@ -1,0 +1,170 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import math
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from match_samples import texture
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+
+from gip_localizer.core.pose import Pose2
+from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.errors import MapError
+
+origins = st.builds(Pose2, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-3.2, 3.2))
+GREY = texture((30, 40))
+
+
+@given(origins, st.floats(0.01, 2.0), st.floats(-50.0, 90.0), st.floats(-50.0, 90.0))
+def test_cells_and_metres_are_inverse(origin, resolution, row, col):
+    raster_map = RasterMap(GREY, resolution, origin)
+    rc = np.array([[row, col]])
+    np.testing.assert_allclose(raster_map.to_cell(raster_map.to_map(rc)), rc, atol=1e-6)
+
+
+def test_the_lower_left_corner_is_the_origin_and_row_0_is_the_top():
+    grey = np.zeros((3, 5), np.uint8)
+    grey[2, 0] = 255  # lower left
+    raster_map = RasterMap(grey, 0.5, Pose2(10.0, 20.0, 0.0))
+    np.testing.assert_allclose(raster_map.to_map(np.array([2, 0])), [10.25, 20.25])
+    values, valid = raster_map.sample(np.array([[10.25, 20.25], [10.25, 21.25], [12.25, 20.25]]))
+    assert valid.all()
+    np.testing.assert_allclose(values, [1.0, 0.0, 0.0])
+    assert raster_map.bounds == pytest.approx((10.0, 20.0, 12.5, 21.5))
+    assert raster_map.size_m == (2.5, 1.5)
+
+
+def test_the_origin_s_yaw_turns_the_map_about_its_corner():
+    grey = np.zeros((3, 5), np.uint8)
+    grey[2, 4] = 255  # the far end of the bottom row
+    raster_map = RasterMap(grey, 0.5, Pose2(10.0, 20.0, math.pi / 2))
+    np.testing.assert_allclose(raster_map.to_map(np.array([2, 4])), [9.75, 22.25], atol=1e-12)
+    values, valid = raster_map.sample(np.array([[9.75, 22.25], [9.75, 20.25]]))
+    assert valid.all()
+    np.testing.assert_allclose(values, [1.0, 0.0], atol=1e-6)
+    assert raster_map.bounds == pytest.approx((8.5, 20.0, 10.0, 22.5))
+
+
+@pytest.mark.parametrize(('dtype', 'white'), [
+    (np.uint8, 255), (np.uint16, 65535), (np.float32, 1.0),
+])
+def test_samples_are_bilinear_in_every_depth(dtype, white):
+    grey = (GREY * white).astype(dtype)
+    raster_map = RasterMap(grey, 0.1, Pose2(1.0, 2.0, 0.7))
+    rc = np.random.default_rng(3).uniform([0, 0], [29, 39], (500, 2))
+    values, valid = raster_map.sample(raster_map.to_map(rc))
+    expected = map_coordinates(grey.astype(float) / white, rc.T, order=1)
+    assert valid.all()
+    np.testing.assert_allclose(values, expected, atol=1e-5)
+    assert values.dtype == np.float32
+
+
+@settings(max_examples=25)
+@given(origins, st.integers(0, 2**31))
+def test_the_gradient_is_the_slope_of_the_samples(origin, seed):
+    raster_map = RasterMap(GREY, 0.1, origin)
+    rng = np.random.default_rng(seed)
+    rc = rng.integers(0, [29, 39], (40, 2)) + rng.uniform(0.2, 0.8, (40, 2))
+    xy, step = raster_map.to_map(rc), 0.01
+    _, gradient, _ = raster_map.sample_with_gradient(xy)
+    for axis, unit in enumerate(np.eye(2)):
+        high, low = (raster_map.sample(xy + sign * step * unit)[0] for sign in (1, -1))
+        np.testing.assert_allclose(gradient[:, axis], (high - low) / (2 * step), atol=0.02)
+
+
+def test_the_edge_of_the_map_is_the_edge_of_its_cells():
+    raster_map = RasterMap(GREY, 0.1)
+    inside = np.array([[1e-6, 1e-6], [3.999999, 2.999999], [0.05, 2.95]])
+    outside = np.array([[-0.001, 1.0], [4.001, 1.0], [1.0, -0.001], [1.0, 3.001], [np.nan, 1.0]])
+    values, valid = raster_map.sample(inside)
+    assert valid.all()
+    np.testing.assert_allclose(values, GREY[[29, 0, 0], [0, 39, 0]], atol=1e-6)
+    values, valid = raster_map.sample(outside)
+    assert not valid.any()
+    assert not values.any()
+    assert raster_map.contains(inside).all()
+    assert not raster_map.contains(outside).any()
+
+
+def test_cells_without_data_invalidate_every_sample_they_touch():
+    valid = np.ones(GREY.shape, bool)
+    valid[10, 20] = False
+    raster_map = RasterMap(GREY, 1.0, valid=valid)
+    near = np.array([[10, 20], [10.9, 20], [9.1, 19.1]])
+    away = np.array([[11.1, 20], [10, 21.1], [8.9, 20]])
+    assert not raster_map.sample(raster_map.to_map(near))[1].any()
+    assert raster_map.sample(raster_map.to_map(away))[1].all()
+
+
+@pytest.mark.parametrize('shape', [(1, 1), (1, 7), (7, 1)])
+def test_maps_of_one_row_or_column_can_be_sampled(shape):
+    raster_map = RasterMap(np.full(shape, 51, np.uint8), 1.0)
+    rows, cols = shape
+    values, valid = raster_map.sample(np.array([[0.5, 0.5], [cols - 0.1, rows - 0.1], [-1, 0]]))
+    assert valid.tolist() == [True, True, False]
+    np.testing.assert_allclose(values[:2], 0.2, atol=1e-6)
+
+
+@pytest.mark.parametrize('origin', [Pose2(0, 0, 0), Pose2(-5.0, 3.0, 1.1)])
+def test_a_crop_samples_like_the_map(origin):
+    valid = np.ones(GREY.shape, bool)
+    valid[:3] = False
+    raster_map = RasterMap((GREY * 255).astype(np.uint8), 0.1, origin, valid)
+    points = raster_map.to_map(np.random.default_rng(1).uniform([2, 10], [15, 20], (100, 2)))
+    crop = raster_map.crop(points, margin=0.1, cell=0.1)
+    assert crop.grey.shape < raster_map.grey.shape
+    assert crop.grey.dtype == np.float32
+    for a, b in zip(crop.sample(points), raster_map.sample(points), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-5)
+
+
+def test_a_crop_for_larger_cells_is_smoothed_and_decimated():
+    noise = np.random.default_rng(2).random((400, 400)).astype(np.float32)
+    raster_map = RasterMap(noise, 0.05)
+    points = np.array([[5.0, 5.0], [15.0, 15.0]])
+    crop = raster_map.crop(points, margin=0.0, cell=0.4)
+    assert crop.resolution == pytest.approx(0.2)
+    assert crop.grey.std() < 0.25 * noise.std()
+    assert crop.grey.mean() == pytest.approx(0.5, abs=0.01)
+    assert crop.sample(points)[1].all()
+    ramp = np.tile(np.linspace(0.0, 1.0, 400, dtype=np.float32), (400, 1))
+    smooth = RasterMap(ramp, 0.05).crop(points, margin=0.0, cell=0.4)
+    probe = np.random.default_rng(3).uniform(6.0, 14.0, (50, 2))
+    np.testing.assert_allclose(
+        smooth.sample(probe)[0], RasterMap(ramp, 0.05).sample(probe)[0], atol=1e-3
+    )
+
+
+def test_a_crop_off_the_map_is_none():
+    assert RasterMap(GREY, 0.1).crop(np.array([[500.0, 0.0]]), margin=1.0, cell=0.1) is None
+
+
+def test_smoothing_does_not_let_unknown_cells_leak():
+    valid = np.ones((60, 60), bool)
+    valid[:, 30:] = False
+    grey = np.where(valid, np.float32(0.2), np.float32(1.0))
+    raster_map = RasterMap(grey, 0.05, valid=valid)
+    crop = raster_map.crop(np.array([[0.2, 0.2], [2.8, 2.8]]), margin=0.0, cell=0.3)
+    np.testing.assert_allclose(crop.grey[crop.valid], 0.2, atol=1e-4)
+    assert 0 < crop.valid.sum() < crop.valid.size
+
+
+@pytest.mark.parametrize(('change', 'word'), [
+    ({'grey': np.zeros((0, 5), np.uint8)}, 'shape'),
+    ({'grey': np.zeros((4, 5, 3), np.uint8)}, 'shape'),
+    ({'grey': np.zeros((4, 5), np.int32)}, 'int32'),
+    ({'grey': np.zeros((4, 5), np.float64)}, 'float64'),
+    ({'resolution': 0.0}, 'resolution'),
+    ({'resolution': -0.05}, 'resolution'),
+    ({'resolution': math.nan}, 'resolution'),
+    ({'resolution': math.inf}, 'resolution'),
+    ({'origin': Pose2(0.0, math.nan, 0.0)}, 'origin'),
+    ({'valid': np.ones((3, 3), bool)}, 'mask'),
+])
+def test_what_cannot_be_a_map_is_refused(change, word):
+    with pytest.raises(MapError, match=word):
+        RasterMap(**{'grey': np.zeros((4, 5), np.uint8), 'resolution': 0.1, **change})
