@@ -6,9 +6,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
+from gip_localizer.core.birdseye import View
 from gip_localizer.core.camera import CameraModel
 
 SMALL = 1e-5  # rad and m, for the tangents
@@ -65,3 +67,33 @@ class CameraSway:
         rays = nominal @ (turned.rotation() @ self._pose.rotation().T).T
         moved = rays[:, :2] * (-height / np.minimum(rays[:, 2], -1e-3))[:, None]
         return ((moved - nominal[:, :2]) / SMALL).astype(np.float32)
+
+
+def pitched(camera: CameraModel, view: View, weight: Floats, pitch: float) -> tuple[View, Floats]:
+    """
+    Redraw a view as if the camera had been pitched by so much more (rad) than calibrated.
+
+    Returns
+    -------
+    view : View
+        Values and footprints moved to where the road points then are (bilinear).
+    weight : (rows, cols) float32
+        The weights moved likewise.
+
+    """
+    if pitch == 0.0:
+        return view, weight
+    pose, grid = camera.extrinsics, view.grid
+    moved = replace(pose, pitch=pose.pitch + pitch)
+    ahead = grid.points() - pose.position()[:2]
+    rays = np.column_stack([ahead, np.full(len(ahead), -pose.z)])
+    rays = rays @ (pose.rotation() @ moved.rotation().T).T
+    source = pose.position()[:2] + rays[:, :2] * (-pose.z / np.minimum(rays[:, 2], -1e-3))[:, None]
+    row, col = (k.reshape(grid.shape).astype(np.float32) - 0.5 for k in grid.cell_of(source))
+    planes = np.dstack([weight, weight * view.patch, view.footprint]).astype(np.float32)
+    taken = np.asarray(cv2.remap(planes, col, row, cv2.INTER_LINEAR,
+                                 borderMode=cv2.BORDER_CONSTANT))
+    total = np.ascontiguousarray(taken[..., 0])
+    patch = taken[..., 1] / np.maximum(total, np.float32(1e-20))
+    footprint = np.ascontiguousarray(taken[..., 2])
+    return View(patch, footprint, total > 0.0, grid), total

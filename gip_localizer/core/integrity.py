@@ -73,6 +73,7 @@ def _figures(found: Found, fit: Fit) -> dict[str, float]:
     return {
         'correlation': fit.correlation,
         'overlap': fit.overlap,
+        'agreement': fit.agreement,
         'inliers': fit.inliers,
         'chi_sq': fit.chi_sq,
         'winner_mass': found.surface.winner_mass,

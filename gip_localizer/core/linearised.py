@@ -20,6 +20,10 @@ from scipy import sparse
 from gip_localizer.core.arrays import Floats
 
 GEOMETRY = 3  # x, y, yaw come first in the state
+TRIMMED = 1.0 / 3.0  # share of the cells whose residuals tell the noise
+TRIMMED_CHI_SQ = 0.1855  # that quantile of the chi-square distribution, 1 degree of freedom
+BETTER_BLOCKS = 0.8  # quantile of the blocks' correlations that sets the standard
+TELLING = 0.35  # expected correlation below which a block's own says nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +106,8 @@ class Problem:
         return float(self.weights.sum()) / max(float(self.all_weights.sum()), 1e-20)
 
     def correlation(self) -> float:
-        """Weighted correlation of view and prediction over all known cells."""
-        w = self.all_weights.astype(np.float64)
+        """Weighted correlation of view and prediction over the cells that agree."""
+        w = self.weights.astype(np.float64)
         total = w.sum()
         if total <= 0.0:
             return 0.0
@@ -127,14 +131,49 @@ def exposure(
     return gain, mean_v - gain * mean_m
 
 
+def agreeing(
+    values: Floats, predicted: Floats, weights: Floats, blocks: sparse.csr_matrix, *,
+    gain: float | None = None,
+) -> Floats:
+    """
+    Tell the cells (n,) float32 0 or 1 in blocks of road whose pattern is the map's.
+
+    Within a block brightness and contrast do not matter, so that cars, glare and patches show
+    before the exposure is known. A block is kept if its correlation is at least half of what
+    the noise lets expect; without a gain, half of what the better blocks reach.
+
+    """
+    columns = np.stack([
+        weights, weights * values, weights * predicted, weights * values**2,
+        weights * predicted**2, weights * values * predicted, weights > 0.0,
+    ], axis=1)
+    sums = np.asarray(blocks @ columns, np.float64)
+    w = np.maximum(sums[:, 0], 1e-20)
+    v, m = sums[:, 1] / w, sums[:, 2] / w
+    var_v = np.maximum(sums[:, 3] / w - v**2, 0.0)
+    var_m = np.maximum(sums[:, 4] / w - m**2, 0.0)
+    alike = (sums[:, 5] / w - v * m) / np.maximum(np.sqrt(var_v * var_m), 1e-12)
+    counted = sums[:, 0] > 0.0
+    if not counted.any():
+        return np.ones(len(values), np.float32)
+    if gain is None:
+        expected = np.full(len(w), np.quantile(alike[counted], BETTER_BLOCKS))
+        kept = alike >= 0.5 * expected
+    else:
+        pattern = gain**2 * var_m
+        expected = np.sqrt(pattern / (pattern + np.maximum(sums[:, 6], 1.0) / w))
+        kept = (alike >= 0.5 * expected) | (expected < TELLING)
+    return np.asarray(blocks.T @ kept.astype(np.float32))
+
+
 def mean_normalised_square(residual: Floats, weights: Floats) -> float:
-    """Robust mean of r² W (1 when the weights are 1/variance), from the median."""
+    """Robust mean of r² W (1 when the weights are 1/variance), from its lower third."""
     part = slice(None, None, max(len(residual) // 8000, 1))
     chosen = weights[part] > 0.0
     if not chosen.any():
         return 1.0
     squares = residual[part][chosen] ** 2 * weights[part][chosen]
-    return max(float(np.median(squares)) / 0.4549, 1e-6)
+    return max(float(np.quantile(squares, TRIMMED)) / TRIMMED_CHI_SQ, 1e-6)
 
 
 def trust(residual: Floats, weights: Floats, scale_sq: float, outlier_scale: float) -> Floats:

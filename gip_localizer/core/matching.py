@@ -23,6 +23,7 @@ from scipy import fft
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import View
 from gip_localizer.core.footprints import Grid
+from gip_localizer.core.levels import locally_centred
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
 
@@ -111,38 +112,9 @@ class Scores:
         return int(index[0]), int(index[1]), int(index[2])
 
 
-def coarsened(view: View, weight: Floats, factor: int) -> tuple[View, Floats]:
-    """
-    Join factor x factor cells: weights add up, values become weighted means (no loss but scale).
-
-    Returns
-    -------
-    view : View
-        On cells `factor` times as large.
-    weight : (rows, cols) float32
-        Summed weights.
-
-    """
-    if factor == 1:
-        return view, weight
-    grid = view.grid
-    rows, cols = math.ceil(grid.rows / factor), math.ceil(grid.cols / factor)
-    pad = ((0, rows * factor - grid.rows), (0, cols * factor - grid.cols))
-
-    def joined(values: Floats) -> Floats:
-        padded = np.pad(values, pad).reshape(rows, factor, cols, factor)
-        total: Floats = padded.sum(axis=(1, 3), dtype=np.float32)
-        return total
-
-    total = joined(weight)
-    patch = joined(weight * view.patch) / np.maximum(total, np.float32(1e-20))
-    larger = Grid(grid.far, grid.left, rows, cols, grid.resolution * factor)
-    return View(patch, joined(view.footprint), total > 0.0, larger), total
-
-
 def match(
     view: View, weight: Floats, raster_map: RasterMap, lattice: Lattice, *,
-    normalized: bool, min_overlap: float,
+    normalized: bool, min_overlap: float, centred: bool = False,
 ) -> Scores:
     """
     Score every candidate of the lattice.
@@ -161,6 +133,8 @@ def match(
         True: gain and offset are profiled out.
     min_overlap : float
         Least share of the weight on known map cells, 0..1.
+    centred : bool
+        True: local means are taken out of view and map, and outliers clipped, first.
 
     Returns
     -------
@@ -170,9 +144,13 @@ def match(
     """
     canvas = _canvas(view.grid, lattice)
     window, known = _window(raster_map, canvas, lattice)
-    level = np.float32(np.average(view.patch, weights=weight)) if weight.any() else np.float32(0)
-    sums = _correlate(_templates(view, weight, level), window - level * known, known, view.grid,
-                      canvas, lattice)
+    values = view.patch
+    if centred:
+        values = locally_centred(values, weight, view.grid.resolution)
+        window = locally_centred(window, known, view.grid.resolution)
+    level = np.float32(np.average(values, weights=weight)) if weight.any() else np.float32(0)
+    sums = _correlate(_templates(values, weight, level), window - level * known, known,
+                      view.grid, canvas, lattice)
     return _score(sums, lattice, normalized=normalized, min_overlap=min_overlap)
 
 
@@ -227,9 +205,9 @@ def _window(
     return values.reshape(widened.shape), valid.reshape(widened.shape).astype(np.float32)
 
 
-def _templates(view: View, weight: Floats, level: np.float32) -> Floats:
+def _templates(values: Floats, weight: Floats, level: np.float32) -> Floats:
     """G, G v and G v² as (rows, cols, 3), v relative to the level."""
-    v = np.where(weight > 0.0, view.patch - level, np.float32(0.0))
+    v = np.where(weight > 0.0, values - level, np.float32(0.0))
     return np.dstack([weight, weight * v, weight * v * v]).astype(np.float32)
 
 

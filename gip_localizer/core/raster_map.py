@@ -157,6 +157,11 @@ class RasterMap:
         origin = Pose2(float(corner[0]), float(corner[1]), self.origin.yaw)
         return RasterMap(values, resolution, origin, valid)
 
+    def smoothed(self, cell: float) -> RasterMap:
+        """Return the map (float32) smoothed for a cell size in metres, at its own resolution."""
+        values, valid = _smoothed(self.grey, self.valid, cell / self.resolution)
+        return RasterMap(values, self.resolution, self.origin, valid)
+
     def sample(self, xy_map: Floats) -> tuple[Floats, Bools]:
         """
         Grey at map points, bilinear between cell centres.

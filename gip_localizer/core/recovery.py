@@ -12,7 +12,8 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import View
 from gip_localizer.core.footprints import Grid
-from gip_localizer.core.matching import coarsened, make_lattice, match, Scores
+from gip_localizer.core.levels import coarsened
+from gip_localizer.core.matching import make_lattice, match, Scores
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.posterior import independent_cells, modes, posterior_surface
 from gip_localizer.core.raster_map import RasterMap

@@ -9,7 +9,8 @@ noise the covariance of v is proportional to `S G⁻¹`, so the maximum-likeliho
 `Jᵀ G (v - a S û - b)` and the Fisher information `Jᵀ G S J`: the paper's weights, exact also for
 far cells that share pixels.
 
-The first steps look at every other cell, without the blur; the last at all, with it.
+The first steps look at joined cells and a smoothed map, which widens the basin; the last at all
+cells, with the blur.
 
 """
 
@@ -24,7 +25,9 @@ from scipy import sparse
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import Rectifier, View
 from gip_localizer.core.camera_sway import CameraSway
+from gip_localizer.core.levels import coarsened
 from gip_localizer.core.linearised import (
+    agreeing,
     block_sums,
     exposure,
     mean_normalised_square,
@@ -35,19 +38,33 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.parameters import CameraMotion
 
-SPARSE_STRIDE = 2  # cells skipped by the first steps, per axis
-SPARSE_STEPS = 8
-FULL_STEPS = 8
-PLAIN_STEPS = 3  # before outliers are told from misalignment
-CONVERGED_XY = 3e-4  # m
-CONVERGED_YAW = 5e-5  # rad
+STAGES = ((4, 6), (2, 4), (1, 6))  # cells joined per side, and the most steps
+EXPOSURE_ROUNDS = 4  # reweightings of gain and offset before the first step
+DONE_XY, DONE_YAW = 3e-4, 5e-5  # m, rad: smaller steps end a stage
+CONVERGED = 8.0  # last step, in these, below which the outcome is believed
 MAX_STEP = np.array([0.15, 0.15, 0.03])  # m, m, rad: no step may leave the basin
 MAX_DRIFT = 1.0  # m from the start
 OUTLIER_SCALE = 3.0  # residuals beyond this many standard deviations lose their weight
 BLOCK_SIDES = (1.0, 0.5)  # m ahead, m left: residuals count as correlated within such blocks
+PATTERN_SIDES = (1.0, 1.0)  # m: blocks that agree with the map, or do not
 LOCKING = 0.01  # of a map cell: what sampling between cell centres may shift a pose
 MIN_GAIN = 0.02
+PITCH_BASIN = 0.005  # rad: pitch from which the first stage still finds its way
 MIN_CELLS = 20
+LEAST_CELLS = 200  # joined cells that a stage must have
+
+
+def _share(agreeing: Floats | None, weights: Floats) -> float:
+    if agreeing is None:
+        return 1.0
+    return float(agreeing @ weights) / max(float(weights.sum()), 1e-20)
+
+
+def _pitches(sigma: float) -> list[float]:
+    """Pitches to start from, rad: the calibrated one first, then outwards to two sigmas."""
+    count = int(2.0 * sigma / PITCH_BASIN)
+    spacing = 2.0 * sigma / max(count, 1)
+    return [0.0, *(sign * k * spacing for k in range(1, count + 1) for sign in (1, -1))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +92,9 @@ class Fit:
     inliers : float
         Share of the weight that agrees with the map, 0..1.
     correlation : float
-        Weighted correlation of view and blurred map over all overlapping cells.
+        Weighted correlation of view and blurred map over the cells that agree.
+    agreement : float
+        Share of the weight in blocks of road whose pattern is the map's, 0..1.
     overlap : float
         Share of the weight on known map cells.
     converged : bool
@@ -94,6 +113,7 @@ class Fit:
     residual: float
     inliers: float
     correlation: float
+    agreement: float
     overlap: float
     converged: bool
     chi_sq: float
@@ -101,23 +121,28 @@ class Fit:
 
 @dataclass(eq=False)
 class _State:
-    """Pose, and pitch, roll (rad) and height (m) relative to the calibration."""
+    """Pose; pitch, roll (rad), height (m) relative to the calibration; what the view is like."""
 
     pose: Pose2
     camera_motion: Floats
+    exposure: tuple[float, float] | None = None
+    agreeing: Floats | None = None
 
 
-class _Cells:
-    """The cells that one stage looks at."""
+class _Stage:
+    """The cells of one stage: joined by a factor, or all of them with the pixel blur."""
 
-    def __init__(self, rectifier: Rectifier, stride: int) -> None:
-        chosen = np.zeros_like(rectifier.valid)
-        chosen[::stride, ::stride] = rectifier.valid[::stride, ::stride]
-        if chosen.sum() < MIN_CELLS * 10:
-            chosen, stride = rectifier.valid.copy(), 1
-        self.index = np.flatnonzero(chosen)
-        self.sway = CameraSway(rectifier.camera, rectifier.grid.points()[self.index])
-        self.blur: sparse.csr_matrix | None = rectifier.pixel_blur if stride == 1 else None
+    def __init__(self, rectifier: Rectifier, factor: int, steps: int) -> None:
+        self.factor = factor
+        self.steps = steps
+        weight = rectifier.valid.astype(np.float32)
+        blank = View(weight, rectifier.footprint, rectifier.valid, rectifier.grid)
+        view, _ = coarsened(blank, weight, factor)
+        self.resolution = view.grid.resolution
+        self.index = np.flatnonzero(view.valid)
+        self.sway = CameraSway(rectifier.camera, view.grid.points()[self.index])
+        self.blocks = block_sums(self.sway.points, PATTERN_SIDES)
+        self.blur: sparse.csr_matrix | None = rectifier.pixel_blur if factor == 1 else None
 
     def blurred(self, columns: Floats) -> Floats:
         """Return columns behind the pixel blur."""
@@ -144,6 +169,8 @@ class Refiner:
     def __init__(
         self, rectifier: Rectifier, camera_motion: CameraMotion, *, normalized: bool, robust: bool
     ) -> None:
+        self.camera = rectifier.camera
+        self.pitches = _pitches(camera_motion.sigma_pitch)
         self._normalized = normalized
         self._robust = robust
         sigmas = np.array(
@@ -154,11 +181,17 @@ class Refiner:
         self._prior = np.concatenate(
             [np.zeros(3), 1.0 / sigmas[self._moving] ** 2, np.zeros(exposed)]
         )
-        self._sparse = _Cells(rectifier, SPARSE_STRIDE)
-        self._full = _Cells(rectifier, 1)
-        self._blocks = block_sums(self._full.sway.points, BLOCK_SIDES)
+        cells = int(np.count_nonzero(rectifier.valid))
+        self._stages = [
+            _Stage(rectifier, factor, steps) for factor, steps in STAGES
+            if factor == 1 or cells >= LEAST_CELLS * factor**2
+        ]
+        self._blocks = block_sums(self._stages[-1].sway.points, BLOCK_SIDES)
 
-    def refine(self, view: View, weight: Floats, raster_map: RasterMap, start: Pose2) -> Fit:
+    def refine(
+        self, view: View, weight: Floats, raster_map: RasterMap, start: Pose2, *,
+        pitch: float = 0.0,
+    ) -> Fit:
         """
         Improve a pose.
 
@@ -171,7 +204,9 @@ class Refiner:
         raster_map : RasterMap
             The map, or a crop that covers the view about the start.
         start : Pose2
-            Base in map, within about two cells of the optimum.
+            Base in map, within about 0.2 m of the optimum.
+        pitch : float
+            Pitch relative to the calibration to start from, rad.
 
         Returns
         -------
@@ -179,12 +214,14 @@ class Refiner:
             The refined pose; `converged` is False where it cannot be believed.
 
         """
-        state = _State(start, np.zeros(3))
-        self._descend(self._sparse, view, weight, raster_map, state,
-                      steps=SPARSE_STEPS, plain=PLAIN_STEPS)
-        problem, information, small = self._descend(
-            self._full, view, weight, raster_map, state, steps=FULL_STEPS, plain=0
-        )
+        state = _State(start, np.array([pitch, 0.0, 0.0]))
+        for stage in self._stages:
+            values, weights = coarsened(view, weight, stage.factor)
+            state.agreeing = None
+            problem, information, small = self._descend(
+                stage, values.patch.ravel()[stage.index], weights.ravel()[stage.index],
+                raster_map.smoothed(stage.resolution), state,
+            )
         drift = math.hypot(state.pose.x - start.x, state.pose.y - start.y)
         locking = LOCKING * raster_map.resolution
         floor = np.diag([locking**2, locking**2, (0.2 * locking) ** 2])
@@ -200,50 +237,51 @@ class Refiner:
             residual=problem.mean_square(),
             inliers=problem.inliers(),
             correlation=problem.correlation(),
+            agreement=_share(state.agreeing, problem.all_weights),
             overlap=known / max(float(weight.sum(dtype=np.float64)), 1e-20),
             converged=small and drift < MAX_DRIFT and bool(np.isfinite(covariance).all()),
             chi_sq=problem.scale_sq,
         )
 
     def _descend(
-        self, cells: _Cells, view: View, weight: Floats, raster_map: RasterMap, state: _State,
-        *, steps: int, plain: int,
+        self, stage: _Stage, values: Floats, weights: Floats, raster_map: RasterMap, state: _State
     ) -> tuple[Problem, Floats, bool]:
         """Step until the steps are small; moves the state in place."""
-        values = view.patch.ravel()[cells.index]
-        weights = weight.ravel()[cells.index]
-        for count in range(steps):
-            robust = self._robust and count >= plain
-            problem = self._linearise(cells, values, weights, raster_map, state, robust=robust)
+        for _ in range(stage.steps):
+            problem = self._linearise(stage, values, weights, raster_map, state)
             if np.count_nonzero(problem.all_weights) < MIN_CELLS:
                 return problem, np.eye(len(self._prior)), False
             information = problem.information()
-            small = self._move(state, problem.step(information))
-            if small and (robust or not self._robust):
-                return problem, information, True
-        return problem, information, False
+            step = self._move(state, problem.step(information))
+            if step < 1.0:
+                break
+        return problem, information, step < CONVERGED
 
-    def _move(self, state: _State, step: Floats) -> bool:
-        """Move the state; tell whether the step was small."""
+    def _move(self, state: _State, step: Floats) -> float:
+        """Move the state; return the length of the step (below 1: done)."""
         x, y, yaw = (float(s) for s in np.clip(step[:3], -MAX_STEP, MAX_STEP))
         state.pose = state.pose @ Pose2(x, y, yaw)
         state.camera_motion[self._moving] += step[3 : 3 + len(self._moving)]
-        return max(abs(x), abs(y)) < CONVERGED_XY and abs(yaw) < CONVERGED_YAW
+        return max(abs(x) / DONE_XY, abs(y) / DONE_XY, abs(yaw) / DONE_YAW)
 
     def _linearise(
-        self, cells: _Cells, values: Floats, weights: Floats, raster_map: RasterMap,
-        state: _State, *, robust: bool,
+        self, cells: _Stage, values: Floats, weights: Floats, raster_map: RasterMap, state: _State
     ) -> Problem:
         points = cells.sway.road_points(state.camera_motion)
         sampled, ahead, left, known = raster_map.sample_from(state.pose, points)
-        used = weights * known
+        used = everywhere = weights * known
         predicted = cells.blurred(sampled)
-        gain, offset, residual = self._residual(values, predicted, used)
+        if self._robust:
+            used = self._agreeing(cells, values, predicted, used, state)
+        gain, offset, residual = self._residual(values, predicted, used, state.exposure)
         scale_sq = mean_normalised_square(residual, used)
         trusted = used
-        if robust:
+        for _ in range(EXPOSURE_ROUNDS if self._robust else 0):
             trusted = used * trust(residual, used, scale_sq, OUTLIER_SCALE)
-            gain, offset, residual = self._residual(values, predicted, trusted)
+            gain, offset, residual = self._residual(values, predicted, trusted, None)
+            scale_sq = mean_normalised_square(residual, used)
+        if self._robust:
+            state.exposure = gain, offset
         columns = [ahead, left, left * points[:, 0] - ahead * points[:, 1]]
         columns += [
             ahead * cells.sway.tangents[k][:, 0] + left * cells.sway.tangents[k][:, 1]
@@ -258,14 +296,28 @@ class Refiner:
         offsets = np.zeros(len(self._prior))
         offsets[3 : 3 + len(self._moving)] = state.camera_motion[self._moving]
         return Problem(
-            jacobian, slopes, residual, trusted, used, predicted, gain, offset, scale_sq,
+            jacobian, slopes, residual, trusted, everywhere, predicted, gain, offset, scale_sq,
             self._prior, offsets,
         )
 
+    def _agreeing(
+        self, cells: _Stage, values: Floats, predicted: Floats, weights: Floats, state: _State
+    ) -> Floats:
+        """Weights without the blocks that do not show the map; found once per stage."""
+        if state.agreeing is None:
+            gain = None if state.exposure is None else state.exposure[0]
+            state.agreeing = agreeing(values, predicted, weights, cells.blocks, gain=gain)
+            if state.exposure is None and self._normalized:
+                plain = weights * state.agreeing
+                state.exposure = exposure(values, predicted, plain, least_gain=MIN_GAIN)
+        return weights * state.agreeing
+
     def _residual(
-        self, values: Floats, predicted: Floats, weights: Floats
+        self, values: Floats, predicted: Floats, weights: Floats,
+        known: tuple[float, float] | None,
     ) -> tuple[float, float, Floats]:
+        """Gain, offset (known, or by least squares) and residual."""
         gain, offset = 1.0, 0.0
         if self._normalized:
-            gain, offset = exposure(values, predicted, weights, least_gain=MIN_GAIN)
+            gain, offset = known or exposure(values, predicted, weights, least_gain=MIN_GAIN)
         return gain, offset, values - np.float32(gain) * predicted - np.float32(offset)

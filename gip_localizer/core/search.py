@@ -16,7 +16,9 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import View
-from gip_localizer.core.matching import coarsened, make_lattice, match, Scores
+from gip_localizer.core.camera_sway import pitched
+from gip_localizer.core.levels import coarsened
+from gip_localizer.core.matching import make_lattice, match, Scores
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.posterior import (
     independent_cells,
@@ -117,16 +119,40 @@ def search_window(
     fine = crop_about(raster_map, view, prior.pose, extent, view.grid.resolution)
     if fine is None:
         return None
-    scores = lattice_scores(view, weight, raster_map, prior.pose, extent, normalized=normalized)
-    if not np.isfinite(scores.residual).any():
-        return Found(scores, None, [])
-    surface = posterior_surface(scores, independent_cells(weight), prior)
-    fits = [
-        refiner.refine(view, weight, fine, scores.lattice.pose(subcell_peak(surface, index)))
+    tries = [
+        _try_pitch(view, weight, raster_map, prior, extent, refiner, normalized, pitch)
+        for pitch in refiner.pitches
+    ]
+    surfaces = [(pitch, scores, surface) for pitch, scores, surface in tries if surface]
+    if not surfaces:
+        return Found(tries[0][1], None, [])
+    starts = [
+        (scores.residual[index], scores, surface, index, pitch)
+        for pitch, scores, surface in surfaces
         for index in modes(surface, REFINED_MODES)
         if surface.log_posterior[index] > HOPELESS
     ]
-    return Found(scores, surface, sorted(fits, key=lambda fit: -fit.correlation))
+    starts.sort(key=lambda start: float(start[0]))
+    fits = [
+        refiner.refine(view, weight, fine, scores.lattice.pose(subcell_peak(surface, index)),
+                       pitch=pitch)
+        for _, scores, surface, index, pitch in starts[:REFINED_MODES]
+    ]
+    return Found(starts[0][1], starts[0][2], sorted(fits, key=lambda fit: -fit.correlation))
+
+
+def _try_pitch(
+    view: View, weight: Floats, raster_map: RasterMap, prior: Belief, extent: Extent,
+    refiner: Refiner, normalized: bool, pitch: float,
+) -> tuple[float, Scores, Surface | None]:
+    """Score the window as if the camera were pitched; no surface where nothing overlaps."""
+    moved, moved_weight = pitched(refiner.camera, view, weight, pitch)
+    scores = lattice_scores(
+        moved, moved_weight, raster_map, prior.pose, extent, normalized=normalized
+    )
+    if not np.isfinite(scores.residual).any():
+        return pitch, scores, None
+    return pitch, scores, posterior_surface(scores, independent_cells(weight), prior)
 
 
 def lattice_scores(
@@ -141,4 +167,4 @@ def lattice_scores(
     lattice = make_lattice(anchor, x=extent.x, y=extent.y, yaw=extent.yaw,
                            yaw_step=extent.yaw_step, step=step)
     return match(joined, joined_weight, crop or raster_map, lattice, normalized=normalized,
-                 min_overlap=extent.min_overlap)
+                 min_overlap=extent.min_overlap, centred=normalized)
