@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from drive_samples import drive  # noqa: F401 - a fixture
 from hypothesis import HealthCheck, settings
 import pytest
 from road_samples import Road

@@ -29,7 +29,7 @@ def add_parser(verbs: Any) -> None:
         description='Localize every frame of a bag and write metrics, report and trajectories.',
     )
     # A pose that begins with a minus sign is a value, not an option.
-    parser._negative_number_matcher = re.compile(r'^-[\d.][\d.,eE+-]*$')
+    parser._negative_number_matcher = re.compile(r'^-[\d.].*$')
     parser.add_argument('bag', nargs='+', type=Path, metavar='BAG',
                         help='rosbag2 folder, .mcap or .db3 file; several are merged by time')
     parser.add_argument('--map', type=Path, metavar='YAML',

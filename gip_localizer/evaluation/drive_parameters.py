@@ -19,11 +19,18 @@ FINE_VIEW = 4.0
 """A shorter view (m) is cut into cells of half the size."""
 
 
-def localizer_parameters(drive: SyntheticDrive) -> Parameters:
+def localizer_parameters(drive: SyntheticDrive, *, compressed: bool = False) -> Parameters:
     """
     Return parameters with which a localizer can follow a drive.
 
     The initial pose is the true start, off by a draw from its own standard deviations.
+
+    Parameters
+    ----------
+    drive : SyntheticDrive
+        Its camera, frames and start are taken.
+    compressed : bool
+        True: the images come compressed.
 
     Raises
     ------
@@ -37,6 +44,7 @@ def localizer_parameters(drive: SyntheticDrive) -> Parameters:
     }
     start = _shaken(drive.truth(0), drive.parameters.seed)
     values |= {
+        'image_transport': 'compressed' if compressed else 'raw',
         'initial_pose.set': True, 'initial_pose.x': start.x, 'initial_pose.y': start.y,
         'initial_pose.yaw': start.yaw, **_view(drive.camera),
     }

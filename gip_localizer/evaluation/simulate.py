@@ -65,8 +65,8 @@ def write_drive(folder: Path, drive: SyntheticDrive, *, seconds: float, transpor
     if transport == 'jpeg' and drive.parameters.sensor.bits != 8:
         raise ParameterError('jpeg holds 8 bits: choose --transport png, or sensor.bits=8')
     save_map(drive.raster_map, folder / 'map.yaml')
-    settings = dump_parameter_file(localizer_parameters(drive))
-    (folder / 'params.yaml').write_text(settings, encoding='utf-8')
+    settings = localizer_parameters(drive, compressed=transport != 'raw')
+    (folder / 'params.yaml').write_text(dump_parameter_file(settings), encoding='utf-8')
     (folder / 'synthetic_camera.yaml').write_text(
         dump_ros_yaml(drive.parameters.to_dict()), encoding='utf-8'
     )

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator
 import errno
+from inspect import signature
 from pathlib import Path
 import struct
 from typing import IO, NamedTuple, Protocol
@@ -30,6 +31,9 @@ from gip_localizer.errors import BagError
 
 END = 2**63 - 1
 RECORD_LIMIT = 2**29  # a longer MCAP record, bytes, is taken for damage
+# mcap renamed the bounds of a window, start included, stop not.
+BOUNDS = ('starting_at', 'ending_before') if 'starting_at' in signature(
+    SeekingReader.iter_messages).parameters else ('start_time', 'end_time')
 DAMAGE = (McapError, ReaderError, struct.error, ValueError, KeyError, TypeError, RuntimeError,
           EOFError, MemoryError, zstandard.ZstdError, apsw.Error)
 
@@ -145,8 +149,8 @@ class McapSource:
                 reader = SeekingReader(
                     stream, validate_crcs=True, record_size_limit=RECORD_LIMIT
                 )
-                window = (start_ns or None, stop_ns if stop_ns < END else None)
-                for schema, channel, message in reader.iter_messages(list(topics), *window):
+                window = dict(zip(BOUNDS, (start_ns, stop_ns), strict=True))
+                for schema, channel, message in reader.iter_messages(list(topics), **window):
                     kind = schema.name if schema is not None else ''
                     yield BagMessage(channel.topic, kind, message.log_time, message.data)
         except DAMAGE as error:

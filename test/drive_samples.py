@@ -1,0 +1,50 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A short synthetic drive, recorded once per test session, and bags made of its messages."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from bag_samples import write_mcap
+import pytest
+
+from gip_localizer.cli import main
+from gip_localizer.io.bags import Bag
+
+SMALL = ['--set', 'lens.width=640', '--set', 'lens.height=360', '--set', 'lens.focal=450']
+ROUGH = ['--set', 'world.resolution=0.05', '--set', 'world.join=1']  # a world quick to make
+COARSE = ['--set', 'birdseye.resolution=0.1']
+Recorded = list[tuple[str, str, int, bytes]]
+
+
+@pytest.fixture(scope='session')
+def drive(tmp_path_factory) -> Path:
+    """A folder of `gip simulate`: 2.5 s at 10 Hz, raw images."""
+    out = tmp_path_factory.mktemp('drive') / 'drive'
+    assert main(['simulate', '--seconds', '2.5', '--out', str(out), *SMALL]) == 0
+    return out
+
+
+def recorded(folder: Path) -> Recorded:
+    """Every message of a bag, serialized."""
+    bag = Bag([folder])
+    return [(m.topic, m.msgtype, m.log_ns, bytes(m.raw))
+            for m in bag.messages([topic.name for topic in bag.topics])]
+
+
+def beside(drive: Path) -> list[str]:
+    """The options that name the drive's map and parameters."""
+    return ['--map', str(drive / 'map.yaml'), '--params', str(drive / 'params.yaml')]
+
+
+def replayed(bag: Path, drive: Path, out: Path, *options: str) -> dict:
+    """Replay through the command line; return `metrics.json`."""
+    code = main(['replay', str(bag), *beside(drive), *COARSE, '--out', str(out), *options])
+    assert code == 0
+    return json.loads((out / 'metrics.json').read_text())
+
+
+def rewritten(path: Path, messages: Recorded, **how) -> Path:
+    return write_mcap(path, messages, chunk_size=1 << 20, **how)
