@@ -11,15 +11,18 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-import importlib
-import importlib.util
+import os
 import sys
 
 from gip_localizer import __version__
+from gip_localizer.cli import compare, demo, paper, params, replay, simulate
 from gip_localizer.errors import GipError
 
-VERBS = ('demo', 'simulate', 'replay', 'compare', 'evaluate', 'paper', 'bench', 'params')
+VERBS = (demo, simulate, replay, compare, paper, params)
 INTERRUPTED = 130
+
+# As in gip_localizer.ros: read when NumPy is loaded, which only the verbs do.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -30,9 +33,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument('--version', action='version', version=f'gip_localizer {__version__}')
     verbs = parser.add_subparsers(title='verbs', metavar='VERB', required=True)
     for verb in VERBS:
-        if importlib.util.find_spec(f'{__name__}.{verb}') is None:
-            continue
-        importlib.import_module(f'{__name__}.{verb}').add_parser(verbs)
+        verb.add_parser(verbs)
     return parser
 
 

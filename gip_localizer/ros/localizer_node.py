@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 import sys
@@ -13,7 +12,6 @@ from typing import TypeVar
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
@@ -31,8 +29,8 @@ from gip_localizer.ros.parameters import LiveParameters
 from gip_localizer.ros.running import run_node
 
 Message = TypeVar('Message')
-ODOMETRY_KEPT = 10_000
-"""Messages that may wait for the next frame; older ones are dropped."""
+ODOMETRY_KEPT = 1000
+"""Messages that may wait while a frame is localized; older ones are dropped."""
 
 
 class LocalizerNode(Node):
@@ -58,7 +56,6 @@ class LocalizerNode(Node):
         raster_map = load_map(parameters.map_file)
         self._frontend = Frontend(raster_map, parameters)
         self._health = Health()
-        self._odometry: deque[Odometry] = deque(maxlen=ODOMETRY_KEPT)
         self._outputs = Outputs(self, parameters.frames.map, raster_map)
         self._told: State | None = None
         self._subscribe(parameters)
@@ -84,11 +81,9 @@ class LocalizerNode(Node):
             use = partial(self._on_frame, frontend.on_image)
             self.create_subscription(Image, 'image', use, camera)
         self._listen(CameraInfo, 'camera_info', frontend.on_camera_info, qos_profile_sensor_data)
-        # Odometry is received while a frame is being localized, so that none of it is lost.
-        self.create_subscription(
-            Odometry, 'odom', lambda message: self._odometry.append(message),
-            QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT),
-            callback_group=MutuallyExclusiveCallbackGroup(),
+        self._odometry = self.create_subscription(
+            Odometry, 'odom', frontend.on_odometry,
+            QoSProfile(depth=ODOMETRY_KEPT, reliability=ReliabilityPolicy.BEST_EFFORT),
         )  # fmt: skip
         self._listen(
             PoseWithCovarianceStamped, 'initialpose', frontend.on_initial_pose, QoSProfile(depth=1)
@@ -108,14 +103,20 @@ class LocalizerNode(Node):
         if not self._health.enabled:
             return
         started = time.perf_counter()
-        while self._odometry:
-            self._frontend.on_odometry(self._odometry.popleft())
+        self._take_odometry()
         estimate = localize(message)
         elapsed_ms = 1e3 * (time.perf_counter() - started)
         self._health.took(estimate, elapsed_ms)
         self._outputs.publish(estimate, elapsed_ms)
         self._outputs.publish_pictures(estimate, self._live.value.frames.base)
         self._tell_changes()
+
+    def _take_odometry(self) -> None:
+        """Take what the executor has not come to yet: it may hand an image out first."""
+        handle = self._odometry.handle
+        with handle:
+            while (taken := handle.take_message(Odometry, False)) is not None:
+                self._frontend.on_odometry(taken[0])
 
     def _tell_changes(self) -> None:
         self._health.hear(self._frontend.complaints)
@@ -156,7 +157,7 @@ class LocalizerNode(Node):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node; the exit code is 0 after an orderly end."""
-    return run_node(LocalizerNode, 'localizer', args, threads=2)
+    return run_node(LocalizerNode, 'localizer', args)
 
 
 if __name__ == '__main__':

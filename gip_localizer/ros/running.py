@@ -8,20 +8,14 @@ from collections.abc import Callable, Sequence
 
 import rclpy
 from rclpy.exceptions import NameValidationException
-from rclpy.executors import (
-    ExternalShutdownException,
-    MultiThreadedExecutor,
-    SingleThreadedExecutor,
-)
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.node import Node
 
 from gip_localizer.errors import GipError
 
 
-def run_node(
-    make: Callable[[], Node], name: str, args: Sequence[str] | None = None, *, threads: int = 1
-) -> int:
+def run_node(make: Callable[[], Node], name: str, args: Sequence[str] | None = None) -> int:
     """
     Spin a node until Ctrl-C, SIGTERM or the shutdown of its context.
 
@@ -33,8 +27,6 @@ def run_node(
         Name of the logger for what happens before the node exists.
     args : sequence of str or None
         Command line; None: that of the process.
-    threads : int
-        For callback groups that run beside each other.
 
     Returns
     -------
@@ -50,7 +42,9 @@ def run_node(
     node = None
     try:
         node = make()
-        executor = MultiThreadedExecutor(threads) if threads > 1 else SingleThreadedExecutor()
+        # One thread: a second one, of rclpy's own, keeps the interpreter from the matcher and
+        # made a frame three times as slow (measured).
+        executor = SingleThreadedExecutor()
         executor.add_node(node)
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
