@@ -114,16 +114,17 @@ def compressed_grey_image(message: Any) -> Grey:
     Raises
     ------
     ImageError
-        Empty, corrupt or of another format.
+        Empty, corrupt, cut off, too large or of another format.
 
     """
     data = np.frombuffer(message.data, np.uint8)
-    size = _declared_size(data)
+    content = data.tobytes()
+    size = _declared_size(content)
     if size is not None and size[0] * size[1] > MAX_PIXELS:
         raise ImageError(f'compressed image declares {size[0]}x{size[1]} pixels; too large')
     try:
         flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-        pixels = cv2.imdecode(data, flags) if data.size else None
+        pixels = cv2.imdecode(data, flags) if size is not None else None
     except cv2.error:
         pixels = None
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
@@ -131,12 +132,13 @@ def compressed_grey_image(message: Any) -> Grey:
             f'compressed image of {data.size} bytes and format {str(message.format)!r} cannot be '
             'decoded; expected a whole jpeg or png'
         )
-    if is_truncated_jpeg(data.tobytes()):
+    if is_truncated_jpeg(content):
         raise ImageError(f'jpeg image of {data.size} bytes is truncated')
     return np.asarray(pixels)
 
 
 JPEG_START, JPEG_END, PNG_START = b'\xff\xd8', b'\xff\xd9', b'\x89PNG\r\n\x1a\n'
+JPEG_FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # segments that declare the size
 
 
 def is_truncated_jpeg(content: bytes) -> bool:
@@ -144,9 +146,16 @@ def is_truncated_jpeg(content: bytes) -> bool:
     return content[:2] == JPEG_START and JPEG_END not in content[-64:]
 
 
-def _declared_size(data: Grey) -> tuple[int, int] | None:
-    """Width and height in a PNG header; None for other formats (JPEG cannot exceed 65535²)."""
-    if bytes(data[:8]) != PNG_START or data.size < 24:
-        return None
-    header = bytes(data[16:24])
-    return int.from_bytes(header[:4], 'big'), int.from_bytes(header[4:], 'big')
+def _declared_size(content: bytes) -> tuple[int, int] | None:
+    """Width and height in the header of a PNG or JPEG; None where there is none."""
+    if content[:8] == PNG_START and len(content) >= 24:
+        return int.from_bytes(content[16:20], 'big'), int.from_bytes(content[20:24], 'big')
+    place = 2
+    while content[:2] == JPEG_START and content[place : place + 1] == b'\xff':
+        kind = content[place + 1 : place + 2]
+        if kind and kind[0] in JPEG_FRAMES:
+            rows, cols = content[place + 5 : place + 7], content[place + 7 : place + 9]
+            return int.from_bytes(cols, 'big'), int.from_bytes(rows, 'big')
+        length = int.from_bytes(content[place + 2 : place + 4], 'big')
+        place += 1 if kind == b'\xff' else 2 + max(length, 2)
+    return None
