@@ -228,7 +228,7 @@ def load_ros_yaml(path: Path | str) -> dict[str, Value]:
     """
     try:
         content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
         raise ParameterError(f'parameter file {path}: {error}') from None
     sections = content.values() if isinstance(content, dict) else []
     found = [s['ros__parameters'] for s in sections

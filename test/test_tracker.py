@@ -1,0 +1,164 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from gip_localizer.core.odometry import OdometrySample
+from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.core.tracker import Belief, checked_prior, PriorError, Tracker
+from gip_localizer.parameters import Motion
+
+MS = 1_000_000
+SMALL = np.diag([0.01**2, 0.02**2, 0.001**2])
+
+
+def covariance(seed: int) -> np.ndarray:
+    root = np.random.default_rng(seed).normal(size=(3, 3)) * [[0.1], [0.1], [0.01]]
+    return root @ root.T + 1e-8 * np.eye(3)
+
+
+def tracker(**motion: float) -> Tracker:
+    made = Tracker(Motion(**motion))
+    made.reset(Belief(0, Pose2(1.0, 2.0, 0.5), SMALL))
+    return made
+
+
+def assert_covariance(matrix: np.ndarray) -> None:
+    np.testing.assert_array_equal(matrix, matrix.T)
+    assert np.linalg.eigvalsh(matrix)[0] > 0.0
+
+
+def test_without_a_belief_there_is_no_prediction():
+    assert Tracker(Motion()).predict(100) is None
+
+
+def test_odometry_carries_the_belief():
+    t = tracker()
+    for i in range(11):
+        assert t.odometry.add(OdometrySample(i * 20 * MS, Pose2(7.0 + 0.1 * i, 3.0, 0.0)))
+    prior = t.predict(200 * MS)
+    expected = Pose2(1.0, 2.0, 0.5) @ Pose2(1.0, 0.0, 0.0)
+    assert prior.pose == pytest.approx(tuple(expected))
+    assert prior.stamp_ns == 200 * MS
+    assert t.prediction_source == 'odometry'
+
+
+def test_uncertainty_grows_and_swings_with_the_heading():
+    t = tracker(sigma_xy_per_m=0.0, sigma_yaw_per_m=0.0, sigma_xy_per_s=0.0, sigma_yaw_per_s=0.0)
+    t.reset(Belief(0, Pose2(0.0, 0.0, 0.0), SMALL))
+    for i in range(26):
+        assert t.odometry.add(OdometrySample(i * 20 * MS, Pose2(0.4 * i, 0.0, 0.0)))
+    moved = t.predict(500 * MS).covariance
+    # 10 m on, an error in heading is an error to the side: exact for a straight drive
+    np.testing.assert_allclose(moved[1, 1], 0.02**2 + (10.0 * 0.001) ** 2, rtol=1e-9)
+    np.testing.assert_allclose(moved[1, 2], 10.0 * 0.001**2, rtol=1e-9)
+    np.testing.assert_allclose(moved[0, 0], 0.01**2, rtol=1e-9)
+
+
+@given(st.integers(0, 100), st.floats(-3.0, 3.0), st.integers(1, 2_000))
+def test_predictions_keep_a_covariance_that_is_one_and_never_shrinks(seed, yaw, elapsed_ms):
+    t = Tracker(Motion())
+    start = covariance(seed)
+    t.reset(Belief(0, Pose2(5.0, -4.0, yaw), start))
+    prior = t.predict(elapsed_ms * MS)
+    np.testing.assert_allclose(prior.covariance, prior.covariance.T, atol=1e-15)
+    assert np.linalg.eigvalsh(prior.covariance - start)[0] > -1e-12
+
+
+def test_without_odometry_the_last_velocity_is_held():
+    t = tracker()
+    for i in range(1, 4):
+        stamp = i * 100 * MS
+        fix = Belief(stamp, Pose2(1.0, 2.0, 0.5) @ Pose2(0.5 * i, 0.0, 0.0), SMALL)
+        t.correct(t.predict(stamp), fix, fuse=False)
+    prior = t.predict(400 * MS)
+    assert t.prediction_source == 'constant velocity'
+    assert prior.pose == pytest.approx(tuple(Pose2(1.0, 2.0, 0.5) @ Pose2(2.0, 0.0, 0.0)))
+    late = t.predict(300 * MS + 3_000 * MS)
+    assert t.prediction_source == 'standstill'
+    assert late.pose == pytest.approx(tuple(t.belief.pose))
+    assert late.covariance[0, 0] > 0.1
+
+
+@given(st.integers(0, 500), st.integers(501, 1000), st.integers(0, 2**31))
+def test_fusion_is_the_information_sum(a, b, seed):
+    P, R = covariance(a), covariance(b)
+    prior = Belief(0, Pose2(3.0, -2.0, 3.1), P)
+    step = np.random.default_rng(seed).multivariate_normal(np.zeros(3), 0.3 * (P + R))
+    measured = Belief(0, Pose2(3.0 + step[0], -2.0 + step[1], 3.1 + step[2]), R)
+    t = Tracker(Motion())
+    fused = t.correct(prior, measured, fuse=True)
+    total = np.linalg.inv(np.linalg.inv(P) + np.linalg.inv(R))
+    np.testing.assert_allclose(fused.covariance, total, rtol=1e-3, atol=1e-10)
+    expected = total @ np.linalg.inv(R) @ step
+    np.testing.assert_allclose(difference(fused.pose, prior.pose), expected, rtol=1e-3, atol=1e-7)
+    assert_covariance(fused.covariance)
+
+
+def test_a_match_that_contradicts_the_prediction_stands_alone():
+    t = tracker()
+    prior = t.predict(100 * MS)
+    far = Belief(100 * MS, prior.pose @ Pose2(2.0, 0.0, 0.0), SMALL)
+    assert t.correct(prior, far, fuse=True) is far
+    assert t.belief is far
+
+
+def test_without_fusion_the_match_stands_alone():
+    t = tracker()
+    prior = t.predict(100 * MS)
+    near = Belief(100 * MS, prior.pose @ Pose2(0.001, 0.0, 0.0), SMALL)
+    assert t.correct(prior, near, fuse=False) is near
+
+
+def test_a_miss_carries_the_prediction_and_its_doubt_on():
+    t = tracker()
+    for i in range(1, 40):
+        t.miss(t.predict(i * 100 * MS))
+    assert t.belief.stamp_ns == 3_900 * MS
+    assert t.belief.covariance[0, 0] > 10 * SMALL[0, 0]
+
+
+def test_a_reset_forgets_the_velocity():
+    t = tracker()
+    for i in range(1, 4):
+        fix = Belief(i * 100 * MS, Pose2(0.5 * i, 0.0, 0.0), SMALL)
+        t.correct(t.predict(i * 100 * MS), fix, fuse=False)
+    t.reset(Belief(300 * MS, Pose2(0.0, 0.0, 0.0), SMALL))
+    assert t.predict(400 * MS).pose == pytest.approx((0.0, 0.0, 0.0))
+    assert t.prediction_source == 'standstill'
+
+
+BAD = {
+    'zero': np.zeros((3, 3)),
+    'negative': np.diag([-1.0, 1.0, 1.0]),
+    'one zero': np.diag([1.0, 1.0, 0.0]),
+    'indefinite': np.array([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+    'nan': np.diag([1.0, math.nan, 1.0]),
+    'infinite': np.diag([1.0, math.inf, 1.0]),
+    'shape': np.eye(2),
+}
+
+
+@pytest.mark.parametrize('fault', BAD)
+def test_a_covariance_that_is_none_is_refused(fault):
+    with pytest.raises(PriorError):
+        checked_prior(0, Pose2(0.0, 0.0, 0.0), BAD[fault])
+
+
+def test_a_prior_that_is_nowhere_is_refused():
+    with pytest.raises(PriorError, match='NaN'):
+        checked_prior(0, Pose2(0.0, math.nan, 0.0), np.eye(3))
+
+
+def test_a_good_prior_is_wrapped_and_made_symmetric():
+    skewed = np.array([[1.0, 0.2, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    belief = checked_prior(5, Pose2(1.0, 2.0, 7.0), skewed)
+    assert belief.pose.yaw == pytest.approx(7.0 - 2 * math.pi)
+    assert belief.covariance[0, 1] == belief.covariance[1, 0] == pytest.approx(0.1)
+    assert belief.stamp_ns == 5
