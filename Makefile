@@ -1,14 +1,15 @@
 # Each verb sets up what it needs on first use; `make help` lists them.
 PYTHON ?= python3
 VENV ?= .venv
-BAG ?= $(firstword $(wildcard bags/*.mcap) $(patsubst %/metadata.yaml,%,$(wildcard bags/*/metadata.yaml)))
+# A bag is a folder as `gip simulate` writes it, with its map.yaml and params.yaml.
+BAG ?= $(patsubst %/metadata.yaml,%,$(firstword $(wildcard bags/*/metadata.yaml)))
 GIP = $(VENV)/bin/gip
 READY = $(VENV)/.ready
 # Results of `make` verbs are replaced by the next run; a folder of your own is not.
 RESULTS = --out $(or $(OUT),results/$@) $(if $(OUT),,--force)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo replay paper bench params test lint type pytest clean
+.PHONY: help setup demo replay paper params test lint type pytest clean
 
 help: ## list the verbs
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
@@ -33,13 +34,11 @@ demo: $(READY) ## a camera, the node and a judge over DDS (WORLD= RATE= SECONDS=
 	  $(if $(SECONDS),--seconds $(SECONDS)) $(if $(METRIC),--metric $(METRIC))
 
 replay: $(READY) ## localize a recorded bag (BAG= METRIC= OUT=)
-	@$(GIP) replay $(BAG) $(RESULTS) $(if $(METRIC),--metric $(METRIC))
+	@test -n '$(BAG)' || { echo 'no bag below bags/; name one: make replay BAG=path'; exit 1; }
+	@$(GIP) replay $(BAG) $(if $(wildcard $(BAG)/params.yaml),--params $(BAG)/params.yaml) $(RESULTS) $(if $(METRIC),--metric $(METRIC))
 
 paper: $(READY) ## the numbers and figures of the paper (OUT=)
 	@$(GIP) paper $(RESULTS)
-
-bench: $(READY) ## timings on this machine (OUT=)
-	@$(GIP) bench $(RESULTS)
 
 params: $(READY) ## write config/*.yaml and the README's parameter table again
 	@$(GIP) params --write .
