@@ -141,7 +141,7 @@ def test_a_run_without_frames_is_valid():
     metrics = compute_metrics(noisy_run(estimates=[]))
     assert metrics['frames'] == 0
     assert metrics['availability'] is None
-    assert metrics['latency_ms'] == {'p50': None, 'p95': None, 'p99': None}
+    assert metrics['latency_ms'] == {'p50': None, 'p95': None, 'p99': None, 'stages': {}}
 
 
 def test_time_to_first_fix_is_counted_from_the_first_frame():
@@ -154,7 +154,7 @@ def test_latency_is_the_total_not_the_sum_with_it():
     frames = [Frame(EPOCH + i, None, timings_ms={'a': 1.0, 'total': 5.0}) for i in range(3)]
     metrics = compute_metrics(noisy_run(estimates=frames))
     assert metrics['latency_ms']['p50'] == 5.0
-    assert metrics['latency_stages_ms'] == {'a': {'p50': 1.0, 'p95': 1.0, 'p99': 1.0}}
+    assert metrics['latency_ms']['stages'] == {'a': {'p50': 1.0, 'p95': 1.0, 'p99': 1.0}}
     assert metrics['frames_per_second'] == pytest.approx(1.5)
 
 

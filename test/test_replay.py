@@ -37,7 +37,7 @@ def messages(drive):
 
 
 def without_timings(metrics):
-    timings = ('latency_ms', 'latency_stages_ms', 'frames_per_second')
+    timings = ('latency_ms', 'frames_per_second')
     return {key: value for key, value in metrics.items() if key not in timings}
 
 

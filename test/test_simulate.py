@@ -71,7 +71,8 @@ def test_stamps_of_a_frame_agree(drive):
 
 
 def test_static_transform_is_the_camera_s_pose(tmp_path):
-    out = simulate(tmp_path / 'out', '--seconds', '0.1', *SMALL, *ROUGH, '--set', 'camera.roll=0.1',
+    out = simulate(tmp_path / 'out', '--seconds', '0.1', *SMALL, *ROUGH,
+                   '--set', 'camera.roll=0.1',
                    '--set', 'camera.yaw=-0.2', '--set', 'camera.x=1.5')
     stamped = decoded(out, '/tf_static')[0].transforms[0]
     camera = load_parameter_file(out / 'params.yaml').camera

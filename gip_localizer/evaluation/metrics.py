@@ -120,12 +120,10 @@ def _speed(run: Run) -> Metrics:
         for stage, value in estimate.timings_ms.items():
             stages.setdefault(stage, []).append(value)
     seconds = run.wall_seconds
+    by_stage = {stage: _spread(np.array(values)) for stage, values in stages.items()
+                if stage != 'total'}
     return {
-        'latency_ms': _spread(latencies_ms(run.estimates)),
-        'latency_stages_ms': {
-            stage: _spread(np.array(values)) for stage, values in stages.items()
-            if stage != 'total'
-        },
+        'latency_ms': {**_spread(latencies_ms(run.estimates)), 'stages': by_stage},
         'frames_per_second': len(run.estimates) / seconds if seconds else None,
     }
 

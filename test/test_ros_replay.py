@@ -1,0 +1,96 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""`bag_player` and `localizer` as processes over real DDS, against the replay of the same bag."""
+
+from __future__ import annotations
+
+import math
+
+from bag_samples import EPOCH, ODOM, serialized, small_drive, write_mcap
+from drive_samples import replayed
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from nav_msgs.msg import Odometry
+from ros_support import GRAPH, Tester
+
+from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.io.messages import planar_pose, stamp_ns
+from gip_localizer.io.trajectory import read_tum
+from gip_localizer.parameters import load_parameter_file
+from gip_localizer.ros.middleware import image_environment
+from gip_localizer.ros.processes import NodeProcesses
+
+pytestmark = pytest.mark.ros
+
+STREAM = serialized(small_drive())
+
+
+@pytest.fixture
+def tester():
+    node = Tester()
+    yield node
+    node.close()
+
+
+@pytest.fixture
+def nodes(tmp_path):
+    with NodeProcesses(tmp_path, {**GRAPH, **image_environment()}) as processes:
+        yield processes
+
+
+def play(tester, nodes, bag, listened, **parameters):
+    """Start the player, paused until all who listen are matched; then let it play."""
+    remappings = parameters.pop('remappings', ())
+    process = nodes.start('bag_player', {'bag': str(bag), 'paused': True, **parameters},
+                          remappings)  # fmt: skip
+    tester.until(lambda: all(tester.count_publishers(topic) for topic in listened), 'the player',
+                 process)  # fmt: skip
+    assert tester.switch('/bag_player/pause', on=False).success
+    return process
+
+
+def test_the_bytes_of_the_bag_arrive_under_another_name(tester, nodes, tmp_path):
+    bag = write_mcap(tmp_path / 'a.mcap', STREAM)
+    heard = []
+    tester.create_subscription(Odometry, '/wheels', heard.append, 100, raw=True)
+    process = play(tester, nodes, bag, ['/wheels'], start=1.0, topics='/odom', rate=4.0,
+                   remappings=['/odom:=/wheels'])  # fmt: skip
+    tester.until(lambda: process.poll() is not None, 'the end of the bag')
+    late = [raw for _, kind, log, raw in STREAM if kind == ODOM and log >= EPOCH + 10**9]
+    tester.until(lambda: len(heard) == len(late), 'all odometry')
+    assert heard == late
+
+
+def test_a_loop_begins_again(tester, nodes, tmp_path):
+    bag = write_mcap(tmp_path / 'a.mcap', STREAM)
+    stamps = []
+    tester.create_subscription(Odometry, '/odom', lambda m: stamps.append(stamp_ns(m.header)), 100)
+    play(tester, nodes, bag, ['/odom'], loop=True, rate=20.0)
+    tester.until(lambda: len(stamps) > 45, 'a second round')
+    assert stamps[40] == stamps[0]
+
+
+def test_node_and_replay_give_the_same_poses(tester, nodes, drive, tmp_path):
+    replayed(drive, drive, tmp_path / 'out')
+    offline = read_tum(tmp_path / 'out' / 'estimate.tum')
+    settings = load_parameter_file(drive / 'params.yaml').replace(
+        {'map_file': str(drive / 'map.yaml'), 'birdseye.resolution': 0.1}
+    )
+    nodes.start('localizer', settings.to_dict())
+    tester.until(lambda: tester.count_publishers('pose') and tester.count_subscribers('/image'),
+                 'the localizer')  # fmt: skip
+    process = play(tester, nodes, drive, ['/image', '/odom', '/camera_info'], rate=0.25)
+    tester.until(lambda: process.poll() is not None, 'the end of the bag')
+    last = int(offline.stamps_ns[-1])
+    tester.until(lambda: stamp_ns(tester.poses[-1].header) >= last, 'the last pose')
+    live = {stamp_ns(m.header): planar_pose(m.pose) for m in tester.poses}
+    common = [i for i, stamp in enumerate(offline.stamps_ns.tolist()) if stamp in live]
+    assert len(common) >= 0.8 * len(offline)
+    apart = np.array([
+        difference(live[int(offline.stamps_ns[i])], Pose2(*offline.poses[i])) for i in common
+    ])
+    assert np.hypot(apart[:, 0], apart[:, 1]).max() < 1e-3
+    assert np.abs(apart[:, 2]).max() < math.radians(0.01)
