@@ -66,7 +66,8 @@ def _draw_measured(
 
 def beyond_figure(points: Sequence[BeyondPoint]) -> Figure:
     """Draw success rate over amplitude, one panel per task."""
-    figure = Figure(figsize=(12.0, 5.4), layout='constrained')
+    figure = Figure(figsize=(12.0, 5.4))
+    figure.subplots_adjust(0.06, 0.26, 0.99, 0.94, wspace=0.05)
     panels = figure.subplots(1, len(TASKS), sharey=True)
     amplitudes = sorted({p.amplitude for p in points})
     for axes, task in zip(panels, TASKS, strict=True):
@@ -75,7 +76,8 @@ def beyond_figure(points: Sequence[BeyondPoint]) -> Figure:
             rows = [p for p in points if p.task == task.name and p.method == method]
             axes.plot(
                 [p.amplitude for p in rows], [p.rate for p in rows], line, color=color,
-                marker=marker, ms=4.5, mfc='white', lw=1.3, label=method,
+                marker=marker, ms=7.5 if 'decay' in method else 4.5, mfc='white', lw=1.3,
+                label=method, zorder=2 if 'decay' in method else 3,
             )
         axes.set_xscale('log')
         axes.xaxis.set_major_locator(FixedLocator(amplitudes))
@@ -83,8 +85,8 @@ def beyond_figure(points: Sequence[BeyondPoint]) -> Figure:
         axes.set_xticks(amplitudes, [f'{a:g}' for a in amplitudes], rotation=60, fontsize=8)
         axes.set_title(f'unknown: {task.name}', fontsize=10)
         axes.set_xlabel('amplitude a of the tiles ±a')
-    panels[0].set_ylabel('frames within half a tile of the truth')
+    panels[0].set_ylabel(f'share of {points[0].trials} frames within half a tile of the truth')
     panels[0].set_ylim(-0.03, 1.03)
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc='outside lower center', ncols=5, fontsize=9)
+    figure.legend(handles, labels, loc='lower center', ncols=5, fontsize=9)
     return figure
