@@ -145,7 +145,8 @@ def test_a_chunk_with_flipped_bits_is_never_passed_on(tmp_path):
     read = content(bag)
     assert read == STREAM[:len(read)]
     assert len(read) <= 30
-    assert any('damaged' in note for note in bag.notes)
+    content(bag)
+    assert len([note for note in bag.notes if 'damaged' in note]) == 1
 
 
 def test_a_folder_without_metadata_is_read_and_said(tmp_path):
@@ -187,3 +188,18 @@ def test_what_is_no_bag_is_refused(tmp_path, kind, words):
     with pytest.raises(BagError, match=words) as caught:
         Bag([path])
     assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize('share', [0.4, 0.9])
+def test_a_truncated_sqlite3_file_is_read_in_part_or_refused(tmp_path, share):
+    folder = write_rosbag2(tmp_path / 'bag', STREAM)
+    file = folder / 'bag.db3'
+    file.write_bytes(file.read_bytes()[:int(file.stat().st_size * share)])
+    try:
+        bag = Bag([file])
+    except BagError as error:
+        assert str(file) in str(error)  # noqa: PT017 - either outcome is right
+        return
+    read = content(bag)
+    assert read == STREAM[:len(read)]
+    assert any('damaged' in note for note in bag.notes)

@@ -90,6 +90,14 @@ def test_the_window_is_seconds_after_the_first_message(drive, whole, tmp_path):
     assert metrics['frames'] == 5
 
 
+def test_a_window_after_the_only_camera_info_is_calibrated(drive, messages, tmp_path):
+    first = next(m for m in messages if m[0] == INFO)
+    bag = rewritten(tmp_path / 'a.mcap', [first, *(m for m in messages if m[0] != INFO)])
+    metrics = replayed(bag, drive, tmp_path / 'out', '--start', '1.0', '--duration', '0.3')
+    assert metrics['frames'] == 3
+    assert 'NO_CALIBRATION' not in metrics['statuses']
+
+
 def test_without_truth_the_errors_are_null(drive, messages, tmp_path):
     bag = rewritten(tmp_path / 'a.mcap', [m for m in messages if m[0] != TRUTH])
     metrics = replayed(bag, drive, tmp_path / 'out', '--duration', '0.5')

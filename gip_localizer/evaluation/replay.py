@@ -160,6 +160,7 @@ class Replay:
         """
         started = time.perf_counter()
         try:
+            self._calibrate(window)
             for message in self.bag.messages(self.topics.replayed, *window.log_times(self.bag)):
                 decoded = self.bag.decode(message)
                 if decoded is None:
@@ -176,6 +177,15 @@ class Replay:
                 f'no image of {self.topics.image.name} can be read in the part of the bag asked '
                 'for; see --start and --duration' + ''.join(f'\n  {n}' for n in self.bag.notes)
             )
+
+    def _calibrate(self, window: Window) -> None:
+        """Take the bag's first CameraInfo where the window leaves its beginning out."""
+        if window.start_s > 0.0:
+            for message in self.bag.messages([self.topics.camera_info.name]):
+                decoded = self.bag.decode(message)
+                if decoded is not None:
+                    self._frontend.on_camera_info(decoded)
+                    return
 
     @property
     def complete(self) -> bool:

@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 ELLIPSE = '#e07a00'
 PIXELS = 700
 MAX_SMOOTHED_CELLS = 2e7
-ELLIPSES = 40
+ELLIPSES = 16
 
 
 def map_figure(run: Run, table: ErrorTable) -> Figure:
@@ -89,7 +89,7 @@ def _draw_ellipses(axes: Axes, run: Run, table: ErrorTable,
         return None
     rows = [rows[i] for i in np.unique(np.linspace(0, len(rows) - 1, ELLIPSES).astype(int))]
     shapes = np.array([_ellipse(np.asarray(run.estimates[row].covariance)) for row in rows])
-    wanted = 0.05 * max(box[2] - box[0], box[3] - box[1])
+    wanted = 0.08 * max(box[2] - box[0], box[3] - box[1])
     ratio = wanted / max(float(np.median(shapes[:, 0])), 1e-9)
     factor = int(10 ** np.clip(np.floor(np.log10(max(ratio, 1.0))), 0, 4))
     factor *= 5 if ratio / factor >= 5.0 else 2 if ratio / factor >= 2.0 else 1

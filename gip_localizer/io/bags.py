@@ -70,7 +70,8 @@ class Bag:
     @property
     def notes(self) -> list[str]:
         """What could not be read or decoded, one line each; grows while reading."""
-        return self._notes + [note for source in self._sources for note in source.notes]
+        notes = self._notes + [note for source in self._sources for note in source.notes]
+        return list(dict.fromkeys(notes))
 
     def messages(self, topics: Collection[str], start_ns: int = 0,
                  stop_ns: int = END) -> Iterator[BagMessage]:
