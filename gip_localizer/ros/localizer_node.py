@@ -74,13 +74,14 @@ class LocalizerNode(Node):
         if parameters.image_reliability == 'reliable':
             camera.reliability = ReliabilityPolicy.RELIABLE
         frontend = self._frontend
+        # Before the image: of messages that wait, the executor takes them in this order.
+        self._listen(CameraInfo, 'camera_info', frontend.on_camera_info, qos_profile_sensor_data)
         if parameters.image_transport == 'compressed':
             use = partial(self._on_frame, frontend.on_compressed_image)
             self.create_subscription(CompressedImage, 'image/compressed', use, camera)
         else:
             use = partial(self._on_frame, frontend.on_image)
             self.create_subscription(Image, 'image', use, camera)
-        self._listen(CameraInfo, 'camera_info', frontend.on_camera_info, qos_profile_sensor_data)
         self._odometry = self.create_subscription(
             Odometry, 'odom', frontend.on_odometry,
             QoSProfile(depth=ODOMETRY_KEPT, reliability=ReliabilityPolicy.BEST_EFFORT),
