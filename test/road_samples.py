@@ -14,8 +14,9 @@ from gip_localizer.synthetic.sensor import SensorModel
 from gip_localizer.synthetic.worlds import map_of, road_world
 
 ORIGIN = Pose2(5.0, -3.0, 0.5)
-PARAMETERS = Parameters.from_dict({'birdseye.near': 3.0, 'birdseye.far': 12.0})
-VAGUE = np.diag([0.5**2, 0.5**2, 0.05**2])
+PARAMETERS = Parameters.from_dict({
+    'birdseye.near': 3.0, 'birdseye.far': 10.0, 'birdseye.half_width': 3.0,
+})
 
 
 class Road:

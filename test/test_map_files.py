@@ -131,7 +131,7 @@ BAD_YAML = {
     'broken': ('image: [map.png\nresolution: 1', 'not valid YAML'),
     'python object': ('image: !!python/object/apply:os.getcwd []\n', 'not valid YAML'),
     'tab': ('image: map.png\n\tresolution: 1', 'not valid YAML'),
-    'nested': ('[' * 2000, 'not valid YAML'),
+    'nested': ('[' * 700, 'not valid YAML'),
     'no image': (GOOD.replace('image: map.png', 'picture: map.png'), 'no image; found picture'),
     'no resolution': (GOOD.replace('resolution', 'Resolution'), 'no resolution'),
     'no origin': (GOOD.replace('origin', 'origins'), 'no origin'),

@@ -165,7 +165,7 @@ def test_a_refused_set_changes_nothing():
     ('localizer:\n  ros__parameters:\n    search: 3\n', 'parameter search is unknown'),
     ('localizer:\n  ros__parameters:\n    1: 3\n', 'parameter 1 is unknown'),
     ('x: !!python/object/apply:os.getcwd []\n', 'parameter file'),
-    ('[' * 2000, 'parameter file'),
+    ('[' * 700, 'parameter file'),
 ])
 def test_a_bad_parameter_file_is_refused_by_name(tmp_path, text, word):
     path = tmp_path / 'p.yaml'
