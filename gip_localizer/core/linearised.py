@@ -23,6 +23,7 @@ GEOMETRY = 3  # x, y, yaw come first in the state
 TRIMMED = 1.0 / 3.0  # share of the cells whose residuals tell the noise
 TRIMMED_CHI_SQ = 0.1855  # that quantile of the chi-square distribution, 1 degree of freedom
 BETTER_BLOCKS = 0.8  # quantile of the blocks' correlations that sets the standard
+SHADING_RIDGE = 1e-3  # of the information on the gain
 TELLING = 0.35  # expected correlation below which a block's own says nothing
 
 
@@ -41,6 +42,8 @@ class Problem:
         v - a S û - b.
     weights : (n,) float32
         Gramian times trust; 0 where the map holds no data.
+    curvature : (n,) float32
+        Slope of the weighted residual: what `weights` is to the step, this is to the spread.
     all_weights : (n,) float32
         Gramian alone.
     predicted : (n,) float32
@@ -60,6 +63,7 @@ class Problem:
     slopes: Floats
     residual: Floats
     weights: Floats
+    curvature: Floats
     all_weights: Floats
     predicted: Floats
     gain: float
@@ -69,8 +73,11 @@ class Problem:
     prior_offset: Floats
 
     def information(self) -> Floats:
-        """Return `Jᵀ W S J` plus the prior, (p, p)."""
-        weighted = self.instruments * self.weights[:, None]
+        """Return `Jᵀ W S J` plus the prior, (p, p): the Gauss-Newton matrix."""
+        return self._normal(self.weights)
+
+    def _normal(self, weights: Floats) -> Floats:
+        weighted = self.instruments * weights[:, None]
         matrix = (weighted.T @ self.slopes).astype(np.float64)
         matrix = 0.5 * (matrix + matrix.T)
         ridge = 1e-9 * np.diag(matrix) + 1e-12
@@ -82,20 +89,22 @@ class Problem:
         gradient -= self.scale_sq * self.prior * self.prior_offset
         return np.asarray(np.linalg.solve(information, gradient))
 
-    def sandwich(self, information: Floats, blocks: sparse.csr_matrix) -> Floats:
+    def sandwich(self, blocks: sparse.csr_matrix) -> Floats:
         """Return the covariance (3, 3) of the geometry from the gradients' spread."""
         scores = np.asarray(
             blocks @ (self.instruments * (self.weights * self.residual)[:, None]), np.float64
         )
+        slope = self._normal(self.curvature)
         count = int(np.count_nonzero(np.abs(scores).sum(axis=1)))
-        spread = scores.T @ scores * (count / max(count - len(information), 1))
+        spread = scores.T @ scores * (count / max(count - len(slope), 1))
         spread += np.diag(self.scale_sq**2 * self.prior)
-        inverse = np.linalg.inv(information)
+        inverse = np.linalg.inv(slope)
         return np.asarray((inverse @ spread @ inverse)[:GEOMETRY, :GEOMETRY])
 
-    def fisher(self, information: Floats) -> Floats:
+    def fisher(self) -> Floats:
         """Return the covariance (3, 3) of the geometry for independent pixel noise."""
-        return self.scale_sq * np.linalg.inv(information)[:GEOMETRY, :GEOMETRY]
+        inverse = np.linalg.inv(self._normal(self.all_weights))
+        return self.scale_sq * inverse[:GEOMETRY, :GEOMETRY]
 
     def mean_square(self) -> float:
         """Weighted mean square residual of the cells that agree."""
@@ -129,6 +138,36 @@ def exposure(
     gain = float(centred @ values) / max(float(centred @ predicted), 1e-12)
     gain = max(gain, least_gain)
     return gain, mean_v - gain * mean_m
+
+
+def shading(values: Floats, predicted: Floats, weights: Floats, basis: Floats) -> Floats:
+    """
+    How the gain varies over the image (vignetting, a dirty lens), as factors of a basis.
+
+    Parameters
+    ----------
+    values, predicted, weights : (n,) float32
+        View, map behind the pixel blur, and weights.
+    basis : (n, k) float32
+        Smooth functions of the pixel, of order one.
+
+    Returns
+    -------
+    (k,) float64
+        Factors c of `v = a (1 + basis c) m + b`, shrunk towards none.
+
+    """
+    columns = np.column_stack([predicted, np.ones_like(predicted), basis * predicted[:, None]])
+    weighted = columns * weights[:, None]
+    normal = (weighted.T @ columns).astype(np.float64)
+    ridge = np.zeros(len(normal))
+    ridge[2:] = SHADING_RIDGE * normal[0, 0]
+    solved = np.linalg.solve(
+        normal + np.diag(ridge + 1e-12), (weighted.T @ values).astype(np.float64)
+    )
+    if solved[0] <= 0.0:
+        return np.zeros(basis.shape[1])
+    return np.clip(solved[2:] / solved[0], -0.5, 0.5)
 
 
 def agreeing(
@@ -176,10 +215,18 @@ def mean_normalised_square(residual: Floats, weights: Floats) -> float:
     return max(float(np.quantile(squares, TRIMMED)) / TRIMMED_CHI_SQ, 1e-6)
 
 
-def trust(residual: Floats, weights: Floats, scale_sq: float, outlier_scale: float) -> Floats:
-    """Geman-McClure weights: near 1 for residuals within the scale, near 0 far outside."""
+def trust(
+    residual: Floats, weights: Floats, scale_sq: float, outlier_scale: float
+) -> tuple[Floats, Floats]:
+    """
+    Geman-McClure weights (n,), and the slope (n,) of residual times weight.
+
+    Weights are near 1 for residuals within the scale and near 0 far outside.
+
+    """
     ratio = residual**2 * weights * np.float32(1.0 / (outlier_scale**2 * scale_sq))
-    return np.asarray(1.0 / (1.0 + ratio) ** 2)
+    weight = 1.0 / (1.0 + ratio) ** 2
+    return np.asarray(weight), np.asarray(weight * (1.0 - 3.0 * ratio) / (1.0 + ratio))
 
 
 def block_sums(points: Floats, side: tuple[float, float]) -> sparse.csr_matrix:

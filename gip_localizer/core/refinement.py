@@ -16,7 +16,7 @@ cells, with the blur.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import math
 
 import numpy as np
@@ -24,22 +24,26 @@ from scipy import sparse
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import Rectifier, View
+from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.camera_sway import CameraSway
-from gip_localizer.core.levels import coarsened
+from gip_localizer.core.levels import coarsened, smoothed
 from gip_localizer.core.linearised import (
     agreeing,
     block_sums,
     exposure,
     mean_normalised_square,
     Problem,
+    shading,
     trust,
 )
-from gip_localizer.core.pose import Pose2
+from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.parameters import CameraMotion
 
 STAGES = ((4, 6), (2, 4), (1, 6))  # cells joined per side, and the most steps
-EXPOSURE_ROUNDS = 4  # reweightings of gain and offset before the first step
+EXPOSURE_ROUNDS = 4  # reweightings of gain and offset before a step
+PLAIN_STEPS = 2  # of the first stage, before outliers are told from misalignment
+LEAST_SCALE_SQ = 0.5  # residuals this small against the noise model are never outliers
 DONE_XY, DONE_YAW = 3e-4, 5e-5  # m, rad: smaller steps end a stage
 CONVERGED = 8.0  # last step, in these, below which the outcome is believed
 MAX_STEP = np.array([0.15, 0.15, 0.03])  # m, m, rad: no step may leave the basin
@@ -47,8 +51,12 @@ MAX_DRIFT = 1.0  # m from the start
 OUTLIER_SCALE = 3.0  # residuals beyond this many standard deviations lose their weight
 BLOCK_SIDES = (1.0, 0.5)  # m ahead, m left: residuals count as correlated within such blocks
 PATTERN_SIDES = (1.0, 1.0)  # m: blocks that agree with the map, or do not
-LOCKING = 0.01  # of a map cell: what sampling between cell centres may shift a pose
+LEAST_BLOCKS = 10  # along each axis
+SMOOTHING = 0.5  # of a cell: view and map are smoothed alike, which unlocks poses from cells
+LOCKING = 0.004  # of a map cell: what sampling between cell centres may still shift a pose
+STAGE_SHARE = 0.05  # of the squared change since the coarser stage that counts as variance
 MIN_GAIN = 0.02
+OPTICAL_TERMS = 5
 PITCH_BASIN = 0.005  # rad: pitch from which the first stage still finds its way
 MIN_CELLS = 20
 LEAST_CELLS = 200  # joined cells that a stage must have
@@ -127,6 +135,7 @@ class _State:
     camera_motion: Floats
     exposure: tuple[float, float] | None = None
     agreeing: Floats | None = None
+    shading: Floats = field(default_factory=lambda: np.zeros(OPTICAL_TERMS))
 
 
 class _Stage:
@@ -135,6 +144,8 @@ class _Stage:
     def __init__(self, rectifier: Rectifier, factor: int, steps: int) -> None:
         self.factor = factor
         self.steps = steps
+        self.plain = PLAIN_STEPS if factor == STAGES[0][0] else 0
+        self.least_scale_sq = LEAST_SCALE_SQ * factor**2
         weight = rectifier.valid.astype(np.float32)
         blank = View(weight, rectifier.footprint, rectifier.valid, rectifier.grid)
         view, _ = coarsened(blank, weight, factor)
@@ -142,11 +153,21 @@ class _Stage:
         self.index = np.flatnonzero(view.valid)
         self.sway = CameraSway(rectifier.camera, view.grid.points()[self.index])
         self.blocks = block_sums(self.sway.points, PATTERN_SIDES)
+        self.optical = _optical_basis(rectifier.camera, self.sway.points)
         self.blur: sparse.csr_matrix | None = rectifier.pixel_blur if factor == 1 else None
 
     def blurred(self, columns: Floats) -> Floats:
         """Return columns behind the pixel blur."""
         return columns if self.blur is None else np.asarray(self.blur @ columns)
+
+
+def _optical_basis(camera: CameraModel, points: Floats) -> Floats:
+    """Smooth functions (n, 5) of the pixels that see road points, of order one, mean zero."""
+    uv, _ = camera.project(points.astype(np.float64))
+    u = uv[:, 0] / (0.5 * camera.width) - 1.0
+    v = uv[:, 1] / (0.5 * camera.width) - camera.height / camera.width
+    basis = np.nan_to_num(np.stack([u, v, u * u, u * v, v * v], axis=1))
+    return (basis - basis.mean(axis=0)).astype(np.float32)
 
 
 class Refiner:
@@ -186,7 +207,10 @@ class Refiner:
             _Stage(rectifier, factor, steps) for factor, steps in STAGES
             if factor == 1 or cells >= LEAST_CELLS * factor**2
         ]
-        self._blocks = block_sums(self._stages[-1].sway.points, BLOCK_SIDES)
+        grid = rectifier.grid
+        extent = (grid.rows * grid.resolution, grid.cols * grid.resolution)
+        sides = [min(s, e / LEAST_BLOCKS) for s, e in zip(BLOCK_SIDES, extent, strict=True)]
+        self._blocks = block_sums(self._stages[-1].sway.points, (sides[0], sides[1]))
 
     def refine(
         self, view: View, weight: Floats, raster_map: RasterMap, start: Pose2, *,
@@ -216,21 +240,28 @@ class Refiner:
         """
         state = _State(start, np.array([pitch, 0.0, 0.0]))
         for stage in self._stages:
-            values, weights = coarsened(view, weight, stage.factor)
+            coarser = state.pose
             state.agreeing = None
-            problem, information, small = self._descend(
-                stage, values.patch.ravel()[stage.index], weights.ravel()[stage.index],
-                raster_map.smoothed(stage.resolution), state,
+            joined, weights = coarsened(view, weight, stage.factor)
+            sigma = SMOOTHING * max(raster_map.resolution, stage.resolution)
+            seen = smoothed(joined, weights, sigma).ravel()[stage.index]
+            problem, small = self._descend(
+                stage, seen, weights.ravel()[stage.index],
+                raster_map.smoothed(stage.resolution, sigma), state,
             )
+            if self._normalized and stage.factor > 1:
+                state.shading += shading(seen, problem.predicted, problem.weights, stage.optical)
         drift = math.hypot(state.pose.x - start.x, state.pose.y - start.y)
         locking = LOCKING * raster_map.resolution
         floor = np.diag([locking**2, locking**2, (0.2 * locking) ** 2])
-        covariance = problem.sandwich(information, self._blocks) + floor
+        change = difference(coarser.inverse() @ state.pose, Pose2(0.0, 0.0, 0.0))
+        covariance = problem.sandwich(self._blocks) + floor
+        covariance += STAGE_SHARE * np.outer(change, change)
         known = float(problem.all_weights.sum())
         return Fit(
             pose=state.pose,
             covariance=covariance,
-            fisher=problem.fisher(information),
+            fisher=problem.fisher(),
             camera_motion=state.camera_motion,
             gain=problem.gain,
             offset=problem.offset,
@@ -245,17 +276,17 @@ class Refiner:
 
     def _descend(
         self, stage: _Stage, values: Floats, weights: Floats, raster_map: RasterMap, state: _State
-    ) -> tuple[Problem, Floats, bool]:
+    ) -> tuple[Problem, bool]:
         """Step until the steps are small; moves the state in place."""
-        for _ in range(stage.steps):
-            problem = self._linearise(stage, values, weights, raster_map, state)
+        for count in range(stage.steps):
+            robust = self._robust and count >= stage.plain
+            problem = self._linearise(stage, values, weights, raster_map, state, robust=robust)
             if np.count_nonzero(problem.all_weights) < MIN_CELLS:
-                return problem, np.eye(len(self._prior)), False
-            information = problem.information()
-            step = self._move(state, problem.step(information))
-            if step < 1.0:
+                return problem, False
+            step = self._move(state, problem.step(problem.information()))
+            if step < 1.0 and count >= stage.plain:
                 break
-        return problem, information, step < CONVERGED
+        return problem, step < CONVERGED
 
     def _move(self, state: _State, step: Floats) -> float:
         """Move the state; return the length of the step (below 1: done)."""
@@ -265,19 +296,26 @@ class Refiner:
         return max(abs(x) / DONE_XY, abs(y) / DONE_XY, abs(yaw) / DONE_YAW)
 
     def _linearise(
-        self, cells: _Stage, values: Floats, weights: Floats, raster_map: RasterMap, state: _State
+        self, cells: _Stage, values: Floats, weights: Floats, raster_map: RasterMap,
+        state: _State, *, robust: bool,
     ) -> Problem:
         points = cells.sway.road_points(state.camera_motion)
         sampled, ahead, left, known = raster_map.sample_from(state.pose, points)
+        if state.shading.any():
+            shade = np.float32(1.0) + cells.optical @ state.shading.astype(np.float32)
+            sampled, ahead, left = sampled * shade, ahead * shade, left * shade
         used = everywhere = weights * known
         predicted = cells.blurred(sampled)
         if self._robust:
             used = self._agreeing(cells, values, predicted, used, state)
         gain, offset, residual = self._residual(values, predicted, used, state.exposure)
         scale_sq = mean_normalised_square(residual, used)
-        trusted = used
-        for _ in range(EXPOSURE_ROUNDS if self._robust else 0):
-            trusted = used * trust(residual, used, scale_sq, OUTLIER_SCALE)
+        trusted = curvature = used
+        for _ in range(EXPOSURE_ROUNDS if robust else 0):
+            share, slope = trust(
+                residual, used, max(scale_sq, cells.least_scale_sq), OUTLIER_SCALE
+            )
+            trusted, curvature = used * share, used * slope
             gain, offset, residual = self._residual(values, predicted, trusted, None)
             scale_sq = mean_normalised_square(residual, used)
         if self._robust:
@@ -296,7 +334,7 @@ class Refiner:
         offsets = np.zeros(len(self._prior))
         offsets[3 : 3 + len(self._moving)] = state.camera_motion[self._moving]
         return Problem(
-            jacobian, slopes, residual, trusted, everywhere, predicted, gain, offset, scale_sq,
+            jacobian, slopes, residual, trusted, curvature, everywhere, predicted, gain, offset, scale_sq,
             self._prior, offsets,
         )
 
