@@ -101,6 +101,18 @@ class Problem:
         inverse = np.linalg.inv(slope)
         return np.asarray((inverse @ spread @ inverse)[:GEOMETRY, :GEOMETRY])
 
+    def overdispersion(self, covariance: Floats) -> float:
+        """
+        Standard deviations over those that the noise model alone explains (root mean square).
+
+        Near 1 where view and map differ by the noise that is assumed; large where the parts of
+        the view pull in different directions, as at a wrong place.
+
+        """
+        expected = np.linalg.inv(self._normal(self.weights))[:GEOMETRY, :GEOMETRY]
+        ratio = np.trace(np.linalg.solve(expected, covariance)) / GEOMETRY
+        return float(np.sqrt(max(ratio, 0.0)))
+
     def fisher(self) -> Floats:
         """Return the covariance (3, 3) of the geometry for independent pixel noise."""
         inverse = np.linalg.inv(self._normal(self.all_weights))

@@ -107,6 +107,8 @@ class Fit:
         Share of the weight on known map cells.
     converged : bool
         The last step was small and the pose stayed near its start.
+    overdispersion : float
+        Standard deviations over those that the noise model alone explains.
     chi_sq : float
         Mean of squared residuals over their expected variance (1 when the noise model holds).
 
@@ -125,6 +127,7 @@ class Fit:
     overlap: float
     converged: bool
     chi_sq: float
+    overdispersion: float
 
 
 @dataclass(eq=False)
@@ -255,7 +258,8 @@ class Refiner:
         locking = LOCKING * raster_map.resolution
         floor = np.diag([locking**2, locking**2, (0.2 * locking) ** 2])
         change = difference(coarser.inverse() @ state.pose, Pose2(0.0, 0.0, 0.0))
-        covariance = problem.sandwich(self._blocks) + floor
+        spread = problem.sandwich(self._blocks)
+        covariance = spread + floor
         covariance += STAGE_SHARE * np.outer(change, change)
         known = float(problem.all_weights.sum())
         return Fit(
@@ -272,6 +276,7 @@ class Refiner:
             overlap=known / max(float(weight.sum(dtype=np.float64)), 1e-20),
             converged=small and drift < MAX_DRIFT and bool(np.isfinite(covariance).all()),
             chi_sq=problem.scale_sq,
+            overdispersion=problem.overdispersion(spread),
         )
 
     def _descend(
@@ -334,8 +339,8 @@ class Refiner:
         offsets = np.zeros(len(self._prior))
         offsets[3 : 3 + len(self._moving)] = state.camera_motion[self._moving]
         return Problem(
-            jacobian, slopes, residual, trusted, curvature, everywhere, predicted, gain, offset, scale_sq,
-            self._prior, offsets,
+            jacobian, slopes, residual, trusted, curvature, everywhere, predicted, gain, offset,
+            scale_sq, self._prior, offsets,
         )
 
     def _agreeing(
