@@ -143,8 +143,12 @@ class CameraMotion:
 class Integrity:
     """When a match is not believed."""
 
-    min_correlation: float = p(
-        0.25, 'Least weighted correlation between view and map at the match.', low=0.0, high=1.0
+    min_confidence: float = p(
+        0.7, 'Least probability that a match is at the right place.', low=0.0, high=1.0
+    )
+    min_confidence_tracking: float = p(
+        0.35, 'The same for a match where earlier fixes and the motion expect it.', low=0.0,
+        high=1.0,
     )
     min_winner_mass: float = p(
         0.9, 'Least share of the posterior that the winning mode must hold.', low=0.0, high=1.0

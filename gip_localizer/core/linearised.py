@@ -23,6 +23,8 @@ GEOMETRY = 3  # x, y, yaw come first in the state
 TRIMMED = 1.0 / 3.0  # share of the cells whose residuals tell the noise
 TRIMMED_CHI_SQ = 0.1855  # that quantile of the chi-square distribution, 1 degree of freedom
 BETTER_BLOCKS = 0.8  # quantile of the blocks' correlations that sets the standard
+LEAST_TELLING = 0.02  # share of the weight that must stand out of the noise to tell
+LEAST_PATTERN = 5e-4  # weighted standard deviation of a map that has any pattern
 SHADING_RIDGE = 1e-3  # of the information on the gain
 TELLING = 0.35  # expected correlation below which a block's own says nothing
 
@@ -134,6 +136,8 @@ class Problem:
             return 0.0
         v = self.residual + self.gain * self.predicted + self.offset
         dv, dm = v - w @ v / total, self.predicted - w @ self.predicted / total
+        if w @ dm**2 < LEAST_PATTERN**2 * total:
+            return 0.0
         spread = np.sqrt((w @ dv**2) * (w @ dm**2))
         return float(w @ (dv * dm) / spread) if spread > 1e-12 else 0.0
 
@@ -185,9 +189,12 @@ def shading(values: Floats, predicted: Floats, weights: Floats, basis: Floats) -
 def agreeing(
     values: Floats, predicted: Floats, weights: Floats, blocks: sparse.csr_matrix, *,
     gain: float | None = None,
-) -> Floats:
+) -> tuple[Floats, float]:
     """
     Tell the cells (n,) float32 0 or 1 in blocks of road whose pattern is the map's.
+
+    The second value is the share of the weight, among the blocks whose pattern stands out of
+    the noise, that is in such blocks: 0 where no block's does.
 
     Within a block brightness and contrast do not matter, so that cars, glare and patches show
     before the exposure is known. A block is kept if its correlation is at least half of what
@@ -206,15 +213,17 @@ def agreeing(
     alike = (sums[:, 5] / w - v * m) / np.maximum(np.sqrt(var_v * var_m), 1e-12)
     counted = sums[:, 0] > 0.0
     if not counted.any():
-        return np.ones(len(values), np.float32)
+        return np.ones(len(values), np.float32), 0.0
     if gain is None:
         expected = np.full(len(w), np.quantile(alike[counted], BETTER_BLOCKS))
-        kept = alike >= 0.5 * expected
+        telling, kept = counted, alike >= 0.5 * expected
     else:
         pattern = gain**2 * var_m
         expected = np.sqrt(pattern / (pattern + np.maximum(sums[:, 6], 1.0) / w))
-        kept = (alike >= 0.5 * expected) | (expected < TELLING)
-    return np.asarray(blocks.T @ kept.astype(np.float32))
+        telling = counted & (expected >= TELLING) & (var_m > LEAST_PATTERN**2)
+        kept = (alike >= 0.5 * expected) | ~telling
+    share = float(w[telling & kept].sum() / max(w[telling].sum(), LEAST_TELLING * w.sum()))
+    return np.asarray(blocks.T @ kept.astype(np.float32)), share
 
 
 def mean_normalised_square(residual: Floats, weights: Floats) -> float:

@@ -18,17 +18,18 @@ import time
 import numpy as np
 
 from gip_localizer.core.arrays import Floats, Grey
-from gip_localizer.core.birdseye import Rectifier, View
+from gip_localizer.core.birdseye import View
 from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.estimate import Estimate, Match, Status
 from gip_localizer.core.gramian import estimate_pixel_noise, gramian
 from gip_localizer.core.integrity import judge, Verdict
 from gip_localizer.core.odometry import OdometrySample, REWIND_NS
+from gip_localizer.core.optics import Optics
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.posterior import contrast
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.recovery import global_search
-from gip_localizer.core.refinement import Fit, Refiner
+from gip_localizer.core.refinement import Fit
 from gip_localizer.core.search import Extent, Found, search_window
 from gip_localizer.core.tracker import Belief, checked_prior, Tracker
 from gip_localizer.errors import CalibrationError
@@ -60,7 +61,7 @@ class Localizer:
         self._search_map = False
         self._last_search_ns: int | None = None
         self._last_stamp_ns: int | None = None
-        self._optics: _Optics | None = None
+        self._optics: Optics | None = None
         self._timings: dict[str, float] = {}
         self._start()
 
@@ -119,8 +120,9 @@ class Localizer:
         return self.tracker.odometry.add(sample)
 
     def relocalize(self) -> None:
-        """Search the whole map at the next frame."""
+        """Search the whole map from the next frame on, until the place is found."""
         self._search_map = True
+        self._last_search_ns = None
 
     def update(
         self, stamp_ns: int, image: Grey, camera: CameraModel
@@ -148,10 +150,9 @@ class Localizer:
         if refused is not None:
             return refused
         prior = self._prior(stamp_ns)
-        if prior is None and not self._search_map:
-            return self._silent(stamp_ns, Status.NO_PRIOR, (
-                'no prior yet: publish initialpose, set initial_pose.*, or call ~/relocalize'
-            ))
+        search_map = self._search_due(stamp_ns)
+        if prior is None and not search_map:
+            return self._waiting(stamp_ns)
 
         with self._stage('birdseye'):  # 1 mean per cell
             view = self._optics_now.rectifier.rectify(image)
@@ -160,7 +161,7 @@ class Localizer:
             weight = self._weigh(view, image)
 
         with self._stage('match'):  # 3 score per candidate, best modes refined
-            found = self._search(stamp_ns, view, weight, prior)
+            found = self._search(stamp_ns, view, weight, None if search_map else prior)
 
         with self._stage('posterior'):  # 4 belief, or silence
             return self._conclude(stamp_ns, Match(view, weight), found, prior)
@@ -181,14 +182,14 @@ class Localizer:
         try:
             with self._stage('calibrate'):
                 if self._optics is None or self._optics.key != camera.key():
-                    self._optics = _Optics(camera, self.parameters)
+                    self._optics = Optics(camera, self.parameters)
         except CalibrationError as error:
             self._optics = None
             return self._silent(stamp_ns, Status.NO_ROAD_IN_VIEW, str(error))
         return None
 
     @property
-    def _optics_now(self) -> _Optics:
+    def _optics_now(self) -> Optics:
         assert self._optics is not None
         return self._optics
 
@@ -200,11 +201,12 @@ class Localizer:
 
     def _weigh(self, view: View, image: Grey) -> Floats:
         score = self.parameters.score
-        if score.metric.startswith('euclidean'):
-            return view.valid.astype(np.float32)
         noise = score.pixel_noise or estimate_pixel_noise(image)
-        gain = self._optics_now.gain if score.metric.endswith('normalized') else 1.0
-        return gramian(view.footprint, pixel_noise=noise, map_noise=score.map_noise * gain)
+        gain = self._optics_now.gain if self._normalized else 1.0
+        weight = gramian(view.footprint, pixel_noise=noise, map_noise=score.map_noise * gain)
+        if score.metric.startswith('euclidean'):
+            return view.valid * weight[view.valid].mean()
+        return weight
 
     def _extent(self, prior: Belief) -> Extent:
         search, score = self.parameters.search, self.parameters.score
@@ -223,7 +225,7 @@ class Localizer:
         if contrast(view, weight) < self.parameters.integrity.min_contrast:
             return None
         optics, normalized = self._optics_now, self._normalized
-        if self._search_map or prior is None or self._search_due(stamp_ns):
+        if prior is None:
             self._last_search_ns = stamp_ns
             return global_search(
                 view, weight, self.raster_map, stamp_ns, self.parameters,
@@ -239,24 +241,41 @@ class Localizer:
         return self.parameters.score.metric.endswith('normalized')
 
     def _search_due(self, stamp_ns: int) -> bool:
+        """Whether this frame is looked for on the whole map."""
         recovery = self.parameters.recovery
-        if not (self.lost and recovery.automatic):
+        if not (self._search_map or (self.lost and recovery.automatic)):
             return False
         since = math.inf if self._last_search_ns is None else stamp_ns - self._last_search_ns
         return since < 0 or since >= recovery.period * 1e9
+
+    def _waiting(self, stamp_ns: int) -> Estimate:
+        if self._search_map:
+            return self._silent(stamp_ns, Status.LOST, (
+                'not found on the map; the next search is due recovery.period '
+                f'{self.parameters.recovery.period:g} s after the last'
+            ))
+        return self._silent(stamp_ns, Status.NO_PRIOR, (
+            'no prior yet: publish initialpose, set initial_pose.*, or call ~/relocalize'
+        ))
+
+    @property
+    def _confirmed(self) -> bool:
+        """Whether the belief rests on published fixes."""
+        return not (self._fresh_prior or self._unconfirmed or self.lost)
 
     def _conclude(
         self, stamp_ns: int, match: Match, found: Found | None, prior: Belief | None
     ) -> Estimate:
         searched_map = self._last_search_ns == stamp_ns
-        verdict = judge(match, found, self.parameters)
+        vouching = prior if self._confirmed else None
+        verdict = judge(match, found, self.parameters, prior=vouching)
         fit = verdict.fit
         match = Match(match.view, match.weight, found.scores if found else None, fit)
         if verdict.status is not Status.TRACKING or fit is None:
             return self._missed(stamp_ns, verdict, match, prior)
         self._optics_now.gain = fit.gain
         measured = Belief(stamp_ns, fit.pose, _in_map(fit))
-        if searched_map:
+        if searched_map or self.lost:
             self._search_map = False
             self._unconfirmed = self.parameters.recovery.confirm_frames
             self.tracker.reset(measured)
@@ -309,20 +328,6 @@ class Localizer:
             yield
         finally:
             self._timings[name] = 1e3 * (time.perf_counter() - start)
-
-
-class _Optics:
-    """What is precomputed per calibration, and the gain learnt with it."""
-
-    def __init__(self, camera: CameraModel, parameters: Parameters) -> None:
-        self.key = camera.key()
-        self.rectifier = Rectifier(camera, parameters.birdseye)
-        self.refiner = Refiner(
-            self.rectifier, parameters.camera_motion,
-            normalized=parameters.score.metric.endswith('normalized'),
-            robust=parameters.score.robust,
-        )
-        self.gain = 1.0
 
 
 def _in_map(fit: Fit) -> Floats:

@@ -62,12 +62,6 @@ MIN_CELLS = 20
 LEAST_CELLS = 200  # joined cells that a stage must have
 
 
-def _share(agreeing: Floats | None, weights: Floats) -> float:
-    if agreeing is None:
-        return 1.0
-    return float(agreeing @ weights) / max(float(weights.sum()), 1e-20)
-
-
 def _pitches(sigma: float) -> list[float]:
     """Pitches to start from, rad: the calibrated one first, then outwards to two sigmas."""
     count = int(2.0 * sigma / PITCH_BASIN)
@@ -102,7 +96,8 @@ class Fit:
     correlation : float
         Weighted correlation of view and blurred map over the cells that agree.
     agreement : float
-        Share of the weight in blocks of road whose pattern is the map's, 0..1.
+        Share of the weight in blocks of road whose pattern is the map's, among those whose
+        pattern stands out of the noise, 0..1; 1 when outliers are not looked for.
     overlap : float
         Share of the weight on known map cells.
     converged : bool
@@ -138,6 +133,7 @@ class _State:
     camera_motion: Floats
     exposure: tuple[float, float] | None = None
     agreeing: Floats | None = None
+    agreement: float = 1.0
     shading: Floats = field(default_factory=lambda: np.zeros(OPTICAL_TERMS))
 
 
@@ -272,7 +268,7 @@ class Refiner:
             residual=problem.mean_square(),
             inliers=problem.inliers(),
             correlation=problem.correlation(),
-            agreement=_share(state.agreeing, problem.all_weights),
+            agreement=state.agreement,
             overlap=known / max(float(weight.sum(dtype=np.float64)), 1e-20),
             converged=small and drift < MAX_DRIFT and bool(np.isfinite(covariance).all()),
             chi_sq=problem.scale_sq,
@@ -349,7 +345,9 @@ class Refiner:
         """Weights without the blocks that do not show the map; found once per stage."""
         if state.agreeing is None:
             gain = None if state.exposure is None else state.exposure[0]
-            state.agreeing = agreeing(values, predicted, weights, cells.blocks, gain=gain)
+            state.agreeing, state.agreement = agreeing(
+                values, predicted, weights, cells.blocks, gain=gain
+            )
             if state.exposure is None and self._normalized:
                 plain = weights * state.agreeing
                 state.exposure = exposure(values, predicted, plain, least_gain=MIN_GAIN)

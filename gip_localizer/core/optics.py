@@ -1,0 +1,39 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What is computed once per calibration and set of parameters."""
+
+from __future__ import annotations
+
+from gip_localizer.core.birdseye import Rectifier
+from gip_localizer.core.camera import CameraModel
+from gip_localizer.core.refinement import Refiner
+from gip_localizer.parameters import Parameters
+
+
+class Optics:
+    """
+    Rectifier and refiner of a camera, and the gain that its last match showed.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Calibrated camera.
+    parameters : Parameters
+        All tunables.
+
+    Raises
+    ------
+    CalibrationError
+        The camera sees no road in the view.
+
+    """
+
+    def __init__(self, camera: CameraModel, parameters: Parameters) -> None:
+        self.key = camera.key()
+        self.rectifier = Rectifier(camera, parameters.birdseye)
+        self.refiner = Refiner(
+            self.rectifier, parameters.camera_motion,
+            normalized=parameters.score.metric.endswith('normalized'),
+            robust=parameters.score.robust,
+        )
+        self.gain = 1.0
