@@ -9,7 +9,7 @@ READY = $(VENV)/.ready
 RESULTS = --out $(or $(OUT),results/$@) $(if $(OUT),,--force)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo replay paper params test lint type pytest clean
+.PHONY: help setup demo replay paper params figures test lint type pytest clean
 
 help: ## list the verbs
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
@@ -42,6 +42,9 @@ paper: $(READY) ## the numbers and figures of the paper (OUT=)
 
 params: $(READY) ## write config/*.yaml and the README's parameter table again
 	@$(GIP) params --write .
+
+figures: $(READY) ## draw the README's picture again
+	@$(VENV)/bin/python -m gip_localizer.evaluation.overview_figure bags/demo docs/figures/overview.png
 
 test: lint type pytest ## everything that must hold
 
