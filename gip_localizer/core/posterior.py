@@ -91,7 +91,7 @@ def posterior_surface(scores: Scores, cells: float, prior: Belief | None) -> Sur
         The posterior and what is read off it.
 
     """
-    residual = scores.residual.astype(np.float64)
+    residual = _with_unseen(scores)
     floor = max(float(residual.min()), 1e-12)
     log_posterior = -0.5 * cells * (residual / floor - 1.0)
     x, y, yaw = _axes(scores)
@@ -140,6 +140,25 @@ def subcell_peak(surface: Surface, index: tuple[int, int, int]) -> Floats:
         if np.isfinite(curvature) and curvature < 0.0:
             peak[axis] += float(np.clip(0.5 * (a - c) / curvature, -0.5, 0.5))
     return peak
+
+
+def _with_unseen(scores: Scores) -> Floats:
+    """
+    Residuals in which the weight off the map counts as unexplained.
+
+    Without this a candidate could win by moving the view's misfits off the map. What is
+    unexplained leaves a typical candidate's residual.
+
+    """
+    residual = scores.residual.astype(np.float64)
+    known = np.isfinite(residual)
+    if not known.any() or scores.overlap[known].min() > 0.999:
+        return residual
+    typical = float(np.median(residual[known]))
+    return np.asarray(np.where(
+        known, scores.overlap * np.where(known, residual, 0.0) + (1 - scores.overlap) * typical,
+        np.inf,
+    ))
 
 
 def _axes(scores: Scores) -> tuple[Floats, Floats, Floats]:

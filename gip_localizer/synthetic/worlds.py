@@ -58,7 +58,7 @@ def road_world(
 
 
 def tiles_world(
-    *, seed: int = 0, size: tuple[float, float] = (30.0, 20.0), resolution: float = 0.025,
+    *, seed: int = 0, size: tuple[float, float] = (48.0, 36.0), resolution: float = 0.025,
     side: float = 0.2, amplitude: float = 0.25, origin: Pose2 = GRID_FRAME,
 ) -> World:
     """Return the paper's painted squares, and a rounded rectangle to drive over them."""
