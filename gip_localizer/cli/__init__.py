@@ -11,18 +11,17 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-import os
 import sys
 
 from gip_localizer import __version__
 from gip_localizer.cli import compare, demo, paper, params, replay, simulate
+from gip_localizer.core.threads import use_one_blas_thread
 from gip_localizer.errors import GipError
 
 VERBS = (demo, simulate, replay, compare, paper, params)
 INTERRUPTED = 130
 
-# As in gip_localizer.ros: read when NumPy is loaded, which only the verbs do.
-os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+use_one_blas_thread()  # read when NumPy is loaded, which only the verbs do
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The nodes; the only folder that imports rclpy."""
 
-import os
+from gip_localizer.core.threads import use_one_blas_thread
 
-# Read when NumPy is loaded. The matrices are small: threads of BLAS would spin more than compute
-# (measured: 2.5 times the processor time per frame), beside a camera driver that needs the cores.
-os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+use_one_blas_thread()

@@ -1,0 +1,159 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The weighted norm as sums of products, and the sums as residuals.
+
+`‖v - û‖²_G = Σ G v² - 2 Σ G v û + Σ G û²` (paper, OptimalClassifier). The normalized metrics
+profile gain a and offset b out of `‖v - a û - b‖²_G` in closed form, with a ≥ 0. On a map that
+is known everywhere Σ G v² is the same for all translations, and Σ G is.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.correlation import Term
+
+M, MM, KNOWN = 0, 1, 2  # fields: û, û² and 1 on known cells; G, G v and G v² are templates 0, 1, 2
+SUMS: dict[str, Term] = {
+    'm': ((0, M),), 'mm': ((0, MM),), 'vm': ((1, M),),
+    'w': ((0, KNOWN),), 'v': ((1, KNOWN),), 'vv': ((2, KNOWN),),
+}
+ON_KNOWN_MAP = ('m', 'mm', 'vm')
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """
+    Residuals of some candidates, with what else their sums tell.
+
+    Attributes
+    ----------
+    residual : (...) float32
+        Weighted mean square of v - û, gain and offset profiled out when normalized; inf where
+        the overlap is too small.
+    correlation : (...) float32 or None
+        Weighted correlation coefficient; None where only the residual was asked for.
+    overlap : (...) float32
+        Share of the weight on known map cells.
+
+    """
+
+    residual: Floats
+    correlation: Floats | None
+    overlap: Floats
+
+
+class Scorer:
+    """
+    One view and one map window, as templates and fields whose correlations give the score.
+
+    Parameters
+    ----------
+    values, weight : (rows, cols) float32
+        The view and the Gramian's diagonal.
+    window, known : (map rows, map cols) float32
+        Map values, and 1 where they are known.
+    normalized : bool
+        True: gain and offset are profiled out.
+    min_overlap : float
+        Least share of the weight on known map cells.
+    residual_only : bool
+        True: no correlation coefficients; the plain norm then needs a single sum.
+
+    """
+
+    def __init__(
+        self, values: Floats, weight: Floats, window: Floats, known: Floats, *,
+        normalized: bool, min_overlap: float, residual_only: bool = False,
+    ) -> None:
+        self.everywhere = bool(known.all())
+        self._normalized, self._min_overlap = normalized, min_overlap
+        self._joint = residual_only and not normalized
+        level = np.float32(np.average(values, weights=weight)) if weight.any() else np.float32(0)
+        v = np.where(weight > 0.0, values - level, np.float32(0.0))
+        planes = [weight, weight * v, weight * v * v]
+        self._total = float(weight.sum(dtype=np.float64))
+        self._total_vv = np.float32(planes[2].sum(dtype=np.float64))
+        if self._joint:
+            planes[1] *= np.float32(-2.0)
+        m = window - level * known
+        fields = [m, m * m, known]
+        if self.everywhere:
+            planes, fields = planes[:2], fields[:2]
+        self.templates = np.stack(planes).astype(np.float32)
+        self.fields = np.stack(fields).astype(np.float32)
+        self.terms = self._terms()
+
+    def _terms(self) -> list[Term]:
+        if not self._joint:
+            return [SUMS[name] for name in (ON_KNOWN_MAP if self.everywhere else SUMS)]
+        squares = ((0, MM), (1, M))
+        return [squares] if self.everywhere else [(*squares, (2, KNOWN)), SUMS['w']]
+
+    def turned_sums(self, turned: Floats) -> tuple[float, float]:
+        """Σ G and Σ G v of turned templates (n, rows, cols), needed on a known map only."""
+        if not self.everywhere:
+            return 0.0, 0.0
+        ones = np.ones(turned.shape[2], np.float32)
+        w, v = (float((plane @ ones).sum(dtype=np.float64)) for plane in turned[:2])
+        return w, v
+
+    def score(self, sums: Floats, turned: tuple[float, float]) -> Residuals:
+        """
+        Turn the terms of one yaw into residuals.
+
+        Parameters
+        ----------
+        sums : (n_terms, ...) float32
+            In the order of `terms`; overwritten.
+        turned : (float, float)
+            From `turned_sums`.
+
+        """
+        tiny = float(1e-12 * max(self._total, 1e-20))
+        if self._joint:
+            return self._joint_score(sums, turned, tiny)
+        if self.everywhere:
+            m, mm, vm = sums
+            w, v = np.float32(max(turned[0], tiny)), np.float32(turned[1])
+            vv, weights = self._total_vv, np.float32(turned[0])
+        else:
+            m, mm, vm, weights, v, vv = sums
+            w = np.maximum(weights, tiny)
+        mean_v, mean_m = v / w, m / w
+        var_v = np.maximum(vv / w - mean_v**2, 0.0)
+        var_m = np.maximum(mm / w - mean_m**2, 0.0)
+        cov = vm / w - mean_v * mean_m
+        spread = np.sqrt(var_v * var_m)
+        correlation = np.divide(cov, spread, out=np.zeros_like(cov), where=spread > 1e-9)
+        correlation = np.clip(correlation, -1.0, 1.0)
+        if self._normalized:
+            residual = var_v * (1.0 - np.maximum(correlation, 0.0) ** 2)
+        else:
+            residual = np.maximum((vv - 2.0 * vm + mm) / w, 0.0)
+        return self._judged(residual, correlation, weights)
+
+    def _joint_score(
+        self, sums: Floats, turned: tuple[float, float], tiny: float
+    ) -> Residuals:
+        if self.everywhere:
+            weights = np.float32(turned[0])
+            sums[0] += self._total_vv
+            sums[0] *= np.float32(1.0 / max(turned[0], tiny))
+        else:
+            weights = sums[1]
+            sums[0] /= np.maximum(weights, tiny)
+        return self._judged(np.maximum(sums[0], 0.0, out=sums[0]), None, weights)
+
+    def _judged(
+        self, residual: Floats, correlation: Floats | None, weights: Floats | np.float32
+    ) -> Residuals:
+        overlap = np.clip(weights / max(self._total, 1e-20), 0.0, 1.0)
+        if np.ndim(overlap) or overlap < self._min_overlap:
+            residual = np.where(overlap >= self._min_overlap, residual, np.float32(np.inf))
+        return Residuals(residual, correlation, np.broadcast_to(overlap, residual.shape))

@@ -1,0 +1,63 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The one thread setting of BLAS, FFT and OpenCV.
+
+- Yaws, and blocks of the rectifier, are divided over at most `WORKERS` threads of ours; NumPy,
+  SciPy and OpenCV release Python's lock inside.
+- BLAS runs on one thread: our matrices are small, and its threads would spin more than compute
+  beside a camera driver that needs the cores (measured: 2.5 times the processor time per frame).
+  The setting is read when NumPy is loaded, so `ros` and `cli` make it before.
+- The FFTs get no threads of their own: there are always more yaws than cores.
+- OpenCV keeps its default; what is called here per yaw is too small for it to divide.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+import os
+from typing import TypeVar
+
+Part = TypeVar('Part')
+
+
+def _cores() -> int:
+    if hasattr(os, 'sched_getaffinity'):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+WORKERS = max(1, min(2, _cores()))
+
+
+def use_one_blas_thread() -> None:
+    """Set BLAS to one thread unless the user chose; call before NumPy is loaded."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
+
+def in_parallel(work: Callable[[Part], None], parts: Sequence[Part]) -> None:
+    """Do the work on every part; the first one in this thread, the others beside it."""
+    waiting = [_pool().submit(work, part) for part in parts[1:]]
+    try:
+        if parts:
+            work(parts[0])
+    finally:
+        for done in waiting:
+            done.result()
+
+
+def shares(count: int) -> list[range]:
+    """Return `count` indices dealt out to the workers; none is empty."""
+    return [range(k, count, WORKERS) for k in range(min(WORKERS, count))]
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(max(WORKERS - 1, 1), thread_name_prefix='gip')
+
+
+if hasattr(os, 'register_at_fork'):
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not survive a fork

@@ -1,0 +1,113 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Both kernels against the definition in float64, with both transforms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gip_localizer.core import spectra
+from gip_localizer.core.correlation import by_products, by_transforms, correlate
+from gip_localizer.core.spectra import OpenCVTransform, SciPyTransform
+from gip_localizer.core.threads import in_parallel, shares
+
+TERMS = [((0, 0),), ((0, 1), (1, 0)), ((2, 2), (1, 1), (0, 0))]
+CANVAS, HALF, YAWS = (19, 14), (4, 5), 5
+
+
+def case(seed: int = 1):
+    rng = np.random.default_rng(seed)
+    window = (3, CANVAS[0] + 2 * HALF[0], CANVAS[1] + 2 * HALF[1])
+    fields = rng.random(window, np.float32) - np.float32(0.5)
+    templates = rng.random((YAWS, 3, *CANVAS), np.float32)
+    return fields, templates
+
+
+def by_definition(fields, templates):
+    """Every sum as the definition says, in float64."""
+    n_x, n_y = 2 * HALF[0] + 1, 2 * HALF[1] + 1
+    out = np.zeros((YAWS, len(TERMS), n_x, n_y))
+    for yaw, term, x, y in np.ndindex(out.shape):
+        for t, f in TERMS[term]:
+            part = fields[f, x : x + CANVAS[0], y : y + CANVAS[1]].astype(float)
+            out[yaw, term, x, y] += (templates[yaw, t] * part).sum()
+    return out
+
+
+def collected(kernel, yaws, fields, templates):
+    out = np.full((YAWS, len(TERMS), 2 * HALF[0] + 1, 2 * HALF[1] + 1), np.nan)
+
+    def turn(yaw, room):
+        room[:] = templates[yaw]
+
+    def sink(yaw, terms):
+        out[yaw] = terms
+
+    kernel(fields, TERMS, yaws, canvas=CANVAS, turn=turn, sink=sink)
+    return out
+
+
+@pytest.mark.parametrize('transform', [OpenCVTransform, SciPyTransform])
+def test_transforms_equal_the_definition(transform, monkeypatch):
+    monkeypatch.setattr('gip_localizer.core.correlation.make_transform', transform)
+    fields, templates = case()
+    expected = by_definition(fields, templates)
+    for seed in (1, 2):  # the second run works in what the first left behind
+        fields, templates = case(seed)
+        expected = by_definition(fields, templates)
+        found = collected(by_transforms, YAWS, fields, templates)
+        np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
+
+
+def test_products_equal_the_definition():
+    fields, templates = case()
+    expected = by_definition(fields, templates)
+    found = collected(by_products, range(YAWS), fields, templates)
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize('limit', [0, 10_000])
+def test_the_choice_by_window_size_does_not_change_the_sums(limit, monkeypatch):
+    monkeypatch.setattr('gip_localizer.core.correlation.PRODUCT_CANDIDATES', limit)
+    monkeypatch.setattr('gip_localizer.core.correlation.PRODUCT_YAWS', 2)
+    fields, templates = case()
+    expected = by_definition(fields, templates)
+    found = collected(correlate, YAWS, fields, templates)
+    np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize('transform', [OpenCVTransform, SciPyTransform])
+@pytest.mark.parametrize('size', [(1, 1), (2, 3), (37, 53), (128, 96)])
+def test_planes_come_back_and_are_large_enough(transform, size):
+    t = transform(*size)
+    assert t.shape[0] >= size[0]
+    assert t.shape[1] >= size[1]
+    plane = np.zeros(t.shape, np.float32)
+    plane[: size[0], : size[1]] = np.random.default_rng(1).random(size)
+    spectrum = t.forward(plane, size[0], t.empty())
+    back = t.inverse(spectrum, size, np.empty(t.shape, np.float32))
+    np.testing.assert_allclose(back, plane[: size[0], : size[1]], atol=1e-6)
+
+
+def test_the_transform_follows_the_build_of_opencv_alone(monkeypatch):
+    for there, kind in ((True, OpenCVTransform), (False, SciPyTransform)):
+        monkeypatch.setattr(spectra, '_has_ipp', lambda there=there: there)
+        assert isinstance(spectra.make_transform(10, 10), kind)
+
+
+def test_shares_hold_every_index_once():
+    for count in (0, 1, 2, 7):
+        dealt = [k for share in shares(count) for k in share]
+        assert sorted(dealt) == list(range(count))
+
+
+def test_an_error_in_any_part_reaches_the_caller():
+    def work(part):
+        if part == 1:
+            raise RuntimeError('part 1')
+
+    with pytest.raises(RuntimeError, match='part 1'):
+        in_parallel(work, [0, 1])
+    with pytest.raises(RuntimeError, match='part 1'):
+        in_parallel(work, [1, 0])
