@@ -81,10 +81,6 @@ def localizer_parameters(
     condition: Condition, drive: SyntheticDrive, overrides: Mapping[str, Value]
 ) -> Parameters:
     """Return the parameters of the localizer for a condition's camera."""
-    camera = {
-        f'camera.{name}': value for name, value in drive.parameters.to_dict().items()
-        if name in ()
-    }
     held = drive.parameters.camera
     camera = {
         'camera.x': held.x, 'camera.y': held.y, 'camera.z': held.z, 'camera.roll': held.roll,
