@@ -15,7 +15,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import View
@@ -24,6 +23,8 @@ from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.tracker import Belief
 
 CELLS_PER_INDEPENDENT = 9.0  # neighbouring residuals are alike: texture, blur, paint
+PEAK_POOL = 300  # candidates looked at per peak that is wanted
+PEAK_GAP = np.array([2, 3, 3])  # steps in yaw, x and y by which peaks lie apart
 WINNER_RADIUS_M = 0.2
 WINNER_RADIUS_YAW = 0.03  # rad
 
@@ -91,7 +92,7 @@ def posterior_surface(scores: Scores, cells: float, prior: Belief | None) -> Sur
         The posterior and what is read off it.
 
     """
-    residual = _with_unseen(scores)
+    residual = with_unseen(scores).astype(np.float64)
     floor = max(float(residual.min()), 1e-12)
     log_posterior = -0.5 * cells * (residual / floor - 1.0)
     x, y, yaw = _axes(scores)
@@ -116,14 +117,24 @@ def posterior_surface(scores: Scores, cells: float, prior: Belief | None) -> Sur
 
 
 def modes(surface: Surface, count: int) -> list[tuple[int, int, int]]:
-    """Indices of the best local maxima, best first, at most `count`."""
-    peaks = surface.log_posterior >= ndimage.maximum_filter(
-        surface.log_posterior, size=(5, 7, 7), mode='nearest'
-    )
-    peaks &= np.isfinite(surface.log_posterior)
-    index = np.argwhere(peaks)
-    order = np.argsort(-surface.log_posterior[peaks], kind='stable')[:count]
-    return [(int(i[0]), int(i[1]), int(i[2])) for i in index[order]]
+    """Indices of the best separate peaks, best first, at most `count`."""
+    return best_peaks(surface.log_posterior, count)
+
+
+def best_peaks(values: Floats, count: int) -> list[tuple[int, int, int]]:
+    """Indices of the largest finite values (yaw, x, y) that lie apart from each other."""
+    flat = values.ravel()
+    looked_at = min(PEAK_POOL * count, flat.size)
+    pool = np.argpartition(-flat, looked_at - 1)[:looked_at]
+    pool = pool[np.isfinite(flat[pool])]
+    pool = pool[np.lexsort((pool, -flat[pool]))]
+    chosen = np.empty((0, 3), int)
+    for index in np.stack(np.unravel_index(pool, values.shape), axis=1):
+        if len(chosen) == count:
+            break
+        if not np.any(np.all(np.abs(chosen - index) <= PEAK_GAP, axis=1)):
+            chosen = np.vstack([chosen, index])
+    return [(int(i[0]), int(i[1]), int(i[2])) for i in chosen]
 
 
 def subcell_peak(surface: Surface, index: tuple[int, int, int]) -> Floats:
@@ -142,7 +153,7 @@ def subcell_peak(surface: Surface, index: tuple[int, int, int]) -> Floats:
     return peak
 
 
-def _with_unseen(scores: Scores) -> Floats:
+def with_unseen(scores: Scores) -> Floats:
     """
     Residuals in which the weight off the map counts as unexplained.
 
@@ -150,15 +161,14 @@ def _with_unseen(scores: Scores) -> Floats:
     unexplained leaves a typical candidate's residual.
 
     """
-    residual = scores.residual.astype(np.float64)
+    residual = scores.residual
     known = np.isfinite(residual)
     if not known.any() or scores.overlap[known].min() > 0.999:
         return residual
-    typical = float(np.median(residual[known]))
-    return np.asarray(np.where(
-        known, scores.overlap * np.where(known, residual, 0.0) + (1 - scores.overlap) * typical,
-        np.inf,
-    ))
+    typical = np.median(residual[known][:: max(residual.size // 100_000, 1)])
+    unseen = (np.float32(1.0) - scores.overlap) * typical
+    explained = scores.overlap * np.where(known, residual, np.float32(0.0))
+    return np.asarray(np.where(known, explained + unseen, np.inf))
 
 
 def _axes(scores: Scores) -> tuple[Floats, Floats, Floats]:

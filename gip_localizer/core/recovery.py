@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
@@ -13,15 +13,16 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import View
 from gip_localizer.core.footprints import Grid
 from gip_localizer.core.levels import coarsened
-from gip_localizer.core.matching import make_lattice, match, Scores
-from gip_localizer.core.pose import Pose2
-from gip_localizer.core.posterior import independent_cells, modes, posterior_surface
+from gip_localizer.core.matching import Lattice, match
+from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.core.posterior import best_peaks, independent_cells, with_unseen
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.refinement import Refiner
 from gip_localizer.core.search import coarse_factor, Extent, Found, search_window
 from gip_localizer.core.tracker import Belief
 from gip_localizer.parameters import Parameters
 
+HEADINGS_AT_ONCE = 12  # bounds the memory
 MAX_CELLS = 400_000  # coarse map cells; a larger map is searched on larger cells
 CANDIDATES = 12
 LOCAL_SIGMA = 1.0  # m: the local searches hardly use the coarse pose as a prior
@@ -41,57 +42,76 @@ def global_search(
         and the view share nothing.
 
     """
+    places = coarse_places(view, weight, raster_map, parameters)
     normalized = parameters.score.metric.endswith('normalized')
-    coarse = coarse_scores(view, weight, raster_map, parameters)
-    if coarse is None or not np.isfinite(coarse.residual).any():
-        return None
-    surface = posterior_surface(coarse, independent_cells(weight), None)
-    step, yaw_step = coarse.lattice.step, parameters.recovery.yaw_step
-    extent = Extent(1.5 * step, 1.5 * step, 1.2 * yaw_step, parameters.search.yaw_step,
-                    parameters.score.min_overlap)
     covariance = np.diag([LOCAL_SIGMA**2, LOCAL_SIGMA**2, 1.0])
-    locals_ = [
+    searches = [
         search_window(
-            view, weight, raster_map,
-            Belief(stamp_ns, coarse.lattice.pose(np.array(index, float)), covariance), extent,
+            view, weight, raster_map, Belief(stamp_ns, place.pose, covariance),
+            Extent(1.5 * place.step, 1.5 * place.step, 1.2 * parameters.recovery.yaw_step,
+                   parameters.search.yaw_step, parameters.score.min_overlap),
             refiner=refiner, normalized=normalized,
         )
-        for index in modes(surface, CANDIDATES)
+        for place in places
     ]
-    found = [f for f in locals_ if f is not None and f.fits and f.surface is not None]
+    found = [f for f in searches if f is not None and f.fits and f.surface is not None]
     if not found:
         return None
-    found.sort(key=lambda f: -f.fits[0].correlation)
+    found.sort(key=lambda f: -f.fits[0].merit)
     return _with_rivals(found, independent_cells(weight))
 
 
-def coarse_scores(
+@dataclass(frozen=True)
+class Place:
+    """A coarse candidate: its residual, its pose, and the step of the lattice it is from."""
+
+    residual: float
+    pose: Pose2
+    step: float
+
+
+def coarse_places(
     view: View, weight: Floats, raster_map: RasterMap, parameters: Parameters
-) -> Scores | None:
-    """Score every pose on the map on large cells; None where the map has no part to search."""
+) -> list[Place]:
+    """Return the best places of the whole map on large cells, best first."""
     recovery = parameters.recovery
     width, height = raster_map.size_m
     cell = max(recovery.cell, math.sqrt(width * height / MAX_CELLS))
-    factor = coarse_factor(view.grid.resolution, cell)
-    joined, joined_weight = coarsened(view, weight, factor)
+    joined, joined_weight = coarsened(view, weight, coarse_factor(view.grid.resolution, cell))
     step = joined.grid.resolution
-    reach = _reach(joined.grid)
-    centre = raster_map.origin @ Pose2(0.5 * width, 0.5 * height, 0.0)
-    count = max(round(2.0 * math.pi / recovery.yaw_step), 1)
-    half_turn = math.pi * (1.0 - 1.0 / count)
-    lattice = make_lattice(
-        centre, x=0.5 * width + reach, y=0.5 * height + reach, yaw=half_turn,
-        yaw_step=2.0 * math.pi / count, step=step,
-    )
     corners = np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
     crop = raster_map.crop(raster_map.origin.transform(corners), margin=0.0, cell=step)
     if crop is None:
-        return None
-    return match(
-        joined, joined_weight, crop, lattice,
-        normalized=parameters.score.metric.endswith('normalized'),
-        min_overlap=parameters.score.min_overlap,
-    )
+        return []
+    centre = raster_map.origin @ Pose2(0.5 * width, 0.5 * height, 0.0)
+    reach = _reach(joined.grid)
+    half = (math.ceil((0.5 * width + reach) / step), math.ceil((0.5 * height + reach) / step))
+    count = max(round(2.0 * math.pi / recovery.yaw_step), 1)
+    headings = (np.arange(count) / count - 0.5) * 2.0 * math.pi
+    places: list[Place] = []
+    for start in range(0, count, HEADINGS_AT_ONCE):
+        lattice = Lattice(centre, step, half, headings[start : start + HEADINGS_AT_ONCE])
+        scores = match(
+            joined, joined_weight, crop, lattice, min_overlap=parameters.score.min_overlap,
+            normalized=parameters.score.metric.endswith('normalized'), centred=True,
+        )
+        residual = with_unseen(scores)
+        places += [
+            Place(float(residual[index]), lattice.pose(np.array(index, float)), step)
+            for index in best_peaks(-residual, CANDIDATES)
+        ]
+    places.sort(key=lambda place: place.residual)
+    return _apart(places)[:CANDIDATES]
+
+
+def _apart(places: list[Place]) -> list[Place]:
+    """Leave out places beside better ones."""
+    kept: list[Place] = []
+    for place in places:
+        gaps = (difference(place.pose, other.pose) for other in kept)
+        if all(np.hypot(gap[0], gap[1]) > 2.5 * place.step or abs(gap[2]) > 0.1 for gap in gaps):
+            kept.append(place)
+    return kept
 
 
 def _reach(grid: Grid) -> float:
@@ -103,13 +123,13 @@ def _with_rivals(found: list[Found], cells: float) -> Found:
     """Return the best local search, its winner's mass weighed against the other places."""
     best = found[0]
     winner = best.fits[0]
-    rest = max(1.0 - winner.correlation**2, 1e-6)
+    rest = max(1.0 - winner.merit ** 2, 1e-6)
     rivals = [
         f.fits[0] for f in found[1:]
         if math.hypot(f.fits[0].pose.x - winner.pose.x, f.fits[0].pose.y - winner.pose.y) > 0.2
     ]
     evidence = [
-        math.exp(max(-0.5 * cells * ((1.0 - max(f.correlation, 0.0) ** 2) / rest - 1.0), -700.0))
+        math.exp(max(-0.5 * cells * ((1.0 - f.merit ** 2) / rest - 1.0), -700.0))
         for f in rivals
     ]
     mass = 1.0 / (1.0 + sum(evidence))

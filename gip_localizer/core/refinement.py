@@ -124,6 +124,11 @@ class Fit:
     chi_sq: float
     overdispersion: float
 
+    @property
+    def merit(self) -> float:
+        """How good the fit is among fits at other places: how much agrees, and how well."""
+        return self.agreement * max(self.correlation, 0.0)
+
 
 @dataclass(eq=False)
 class _State:

@@ -138,7 +138,7 @@ def search_window(
                        pitch=pitch)
         for _, scores, surface, index, pitch in starts[:REFINED_MODES]
     ]
-    return Found(starts[0][1], starts[0][2], sorted(fits, key=lambda fit: -fit.correlation))
+    return Found(starts[0][1], starts[0][2], sorted(fits, key=lambda fit: -fit.merit))
 
 
 def _try_pitch(
