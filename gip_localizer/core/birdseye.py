@@ -30,6 +30,7 @@ from gip_localizer.parameters import Birdseye
 
 FULL_SCALE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}
 MIN_CELLS = 20
+WHOLE = 0.99  # share of a footprint that must be unmasked
 MIN_FOOTPRINT = 0.02  # px²: smaller cells are beyond what sub-pixels resolve
 
 
@@ -110,6 +111,19 @@ class Rectifier:
         patch = self._mean @ part.astype(np.float32).ravel()
         patch = (patch * scale).reshape(self.grid.shape).astype(np.float32)
         return View(patch, self.footprint, self.valid, self.grid)
+
+    def unmasked(self, mask: Grey) -> Floats:
+        """
+        Cells (rows, cols), float32 0 or 1, whose whole footprint a mask leaves to be looked at.
+
+        Parameters
+        ----------
+        mask : (height, width) uint8
+            Of the camera's size; pixels below 128 are masked.
+
+        """
+        seen = (mask >= 128).astype(np.float32)
+        return (self.rectify(seen).patch > WHOLE).astype(np.float32)
 
     @cached_property
     def pixel_blur(self) -> sparse.csr_matrix:

@@ -125,7 +125,7 @@ class Localizer:
         self._last_search_ns = None
 
     def update(
-        self, stamp_ns: int, image: Grey, camera: CameraModel
+        self, stamp_ns: int, image: Grey, camera: CameraModel, *, mask: Grey | None = None
     ) -> Estimate:
         """
         Localize one frame.
@@ -138,6 +138,8 @@ class Localizer:
             Grey image of the camera's size.
         camera : CameraModel
             Calibrated camera.
+        mask : (height, width) uint8 or None
+            Pixels below half of full scale are not looked at (the bonnet, other cars).
 
         Returns
         -------
@@ -159,6 +161,8 @@ class Localizer:
 
         with self._stage('gramian'):  # 2 weight per cell
             weight = self._weigh(view, image)
+            if mask is not None:
+                weight = weight * self._optics_now.rectifier.unmasked(mask)
 
         with self._stage('match'):  # 3 score per candidate, best modes refined
             found = self._search(stamp_ns, view, weight, None if search_map else prior)

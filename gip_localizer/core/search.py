@@ -33,6 +33,7 @@ from gip_localizer.core.tracker import Belief
 
 COARSE_CELL = 0.1  # m: cells are joined up to this side for the lattice
 REFINED_MODES = 3
+PLAIN_WINNER = 0.9  # merit of a fit beside which no other mode needs a look
 HOPELESS = -40.0  # log posterior below the winner's at which a mode is not refined
 
 
@@ -133,11 +134,12 @@ def search_window(
         if surface.log_posterior[index] > HOPELESS
     ]
     starts.sort(key=lambda start: float(start[0]))
-    fits = [
-        refiner.refine(view, weight, fine, scores.lattice.pose(subcell_peak(surface, index)),
-                       pitch=pitch)
-        for _, scores, surface, index, pitch in starts[:REFINED_MODES]
-    ]
+    fits: list[Fit] = []
+    for _, scores, surface, index, pitch in starts[:REFINED_MODES]:
+        start = scores.lattice.pose(subcell_peak(surface, index))
+        fits.append(refiner.refine(view, weight, fine, start, pitch=pitch))
+        if fits[-1].merit > PLAIN_WINNER:
+            break
     return Found(starts[0][1], starts[0][2], sorted(fits, key=lambda fit: -fit.merit))
 
 
