@@ -17,17 +17,9 @@ from pathlib import Path
 from gip_localizer.errors import ParameterError
 from gip_localizer.parameter_specs import dump_ros_yaml, group, load_ros_yaml, ParameterGroup
 from gip_localizer.parameter_specs import parameter as p
+from gip_localizer.stack_parameters import Diagnostics, Frames, InitialPose, State, Transforms
 
 METRICS = ('gip', 'gip_normalized', 'euclidean', 'euclidean_normalized')
-
-
-@dataclass(frozen=True)
-class Frames:
-    """Names of the coordinate frames (REP 105)."""
-
-    map: str = p('map', 'Frame of the map and of the published poses.', read_only=True)
-    odom: str = p('odom', 'Frame of the odometry.', read_only=True)
-    base: str = p('base_link', 'Frame of the vehicle, on the road under it.', read_only=True)
 
 
 @dataclass(frozen=True)
@@ -49,18 +41,13 @@ class Camera:
 
 
 @dataclass(frozen=True)
-class InitialPose:
-    """Where to start without an `initialpose` message."""
+class MountedCamera(Camera):
+    """The same in a vehicle, whose own description may know where it is mounted."""
 
-    set: bool = p(False, 'Take the pose below as the first prior.', read_only=True)
-    x: float = p(0.0, 'Position in the map frame.', unit='m', low=-1e7, high=1e7, read_only=True)
-    y: float = p(0.0, 'Position in the map frame.', unit='m', low=-1e7, high=1e7, read_only=True)
-    yaw: float = p(0.0, 'Heading in the map frame.', unit='rad', low=-7.0, high=7.0,
-                   read_only=True)
-    sigma_xy: float = p(0.3, 'Standard deviation of x and of y.', unit='m', low=1e-3, high=1e3,
-                        read_only=True)
-    sigma_yaw: float = p(0.03, 'Standard deviation of the heading.', unit='rad', low=1e-4,
-                         high=3.2, read_only=True)
+    from_tf: bool = p(
+        False, 'Take the pose of the camera from /tf_static (base to the frame of the image) '
+        'instead of the six numbers (needs tf2_msgs).', read_only=True,
+    )
 
 
 @dataclass(frozen=True)
@@ -191,8 +178,12 @@ class Parameters(ParameterGroup):
         'best_effort', 'Reliability asked of the camera; reliable cures lost large frames if '
         'the camera publishes reliably.', choices=('best_effort', 'reliable'), read_only=True,
     )
+    lifecycle: bool = p(False, 'Start unconfigured, as a managed (lifecycle) node.',
+                        read_only=True)
+    state_file: str = p('', 'Where the last pose is kept for a restart; empty: nowhere.',
+                        read_only=True)
     frames: Frames = group(Frames)
-    camera: Camera = group(Camera)
+    camera: MountedCamera = group(MountedCamera)
     initial_pose: InitialPose = group(InitialPose)
     birdseye: Birdseye = group(Birdseye)
     search: Search = group(Search)
@@ -201,6 +192,9 @@ class Parameters(ParameterGroup):
     camera_motion: CameraMotion = group(CameraMotion)
     integrity: Integrity = group(Integrity)
     recovery: Recovery = group(Recovery)
+    tf: Transforms = group(Transforms)
+    state: State = group(State)
+    diagnostics: Diagnostics = group(Diagnostics)
 
     def check(self) -> None:
         """Judge what spans several parameters (raises ParameterError)."""

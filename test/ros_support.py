@@ -94,13 +94,23 @@ class Tester(Node):
         [found] = self.ask(DescribeParameters, f'/{node}/describe_parameters', request).descriptors
         return found
 
-    def said(self, word):
-        """Tell whether the newest diagnostics hold a word."""
-        return bool(self.diagnostics) and word in self.diagnostics[-1].status[0].message
+    def status(self, concern):
+        """Return the newest diagnostic status of a concern; None before the first."""
+        if not self.diagnostics:
+            return None
+        [found] = [s for s in self.diagnostics[-1].status if s.name.endswith(f': {concern}')]
+        return found
+
+    def said(self, concern, word):
+        """Tell whether the newest diagnostics of a concern hold a word."""
+        return bool(self.diagnostics) and word in self.status(concern).message
 
     def levels(self):
-        """All levels that diagnostics had so far."""
-        return {message.status[0].level for message in self.diagnostics}
+        """All levels that the output had so far."""
+        return {
+            status.level for message in self.diagnostics for status in message.status
+            if status.name.endswith(': output')
+        }
 
     def trigger(self, name):
         return self.ask(Trigger, name, Trigger.Request())

@@ -9,17 +9,18 @@ import sys
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / 'gip_localizer'
-LOWEST = {'parameters', 'parameter_specs', 'errors'}
+LOWEST = {'parameters', 'parameter_specs', 'stack_parameters', 'errors'}
 MIDDLE = {'evaluation', 'synthetic', 'io'}
 MAY_IMPORT = {
     'errors': {'errors'},
     'parameters': LOWEST,
     'parameter_specs': LOWEST,
+    'stack_parameters': LOWEST,
     'core': {'core'} | LOWEST,
     **{layer: MIDDLE | {'core'} | LOWEST for layer in MIDDLE},
     **{top: {'cli', 'ros', 'core'} | MIDDLE | LOWEST for top in ('cli', 'ros')},
 }
-ROS_PACKAGES = {'rclpy', 'ament_index_python', 'rcl_interfaces', 'tf2_ros'}
+ROS_PACKAGES = {'rclpy', 'ament_index_python', 'rcl_interfaces', 'tf2_ros', 'tf2_msgs', 'lifecycle_msgs'}
 CORE_PACKAGES = {'numpy', 'scipy', 'cv2', 'gip_localizer'}
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from gip_localizer.cli import main
+from gip_localizer.io.concerns import diagnostics_table
 from gip_localizer.parameter_specs import load_ros_yaml
 from gip_localizer.parameters import load_parameter_file, Parameters
 
@@ -22,6 +23,10 @@ def test_the_parameter_file_in_the_tree_is_the_one_written_now(capsys, node):
 def test_the_table_in_the_readme_is_the_one_written_now(capsys):
     assert main(['params', '--markdown']) == 0
     assert capsys.readouterr().out.strip() in (ROOT / 'README.md').read_text()
+
+
+def test_the_diagnostics_in_the_readme_are_those_of_the_code():
+    assert diagnostics_table() in (ROOT / 'README.md').read_text()
 
 
 def test_the_parameter_file_holds_every_parameter_at_its_default():

@@ -46,7 +46,8 @@ def test_every_parameter_says_what_it_is_and_its_default_is_allowed(tree):
 
 def test_what_shapes_the_match_can_change_while_the_node_runs():
     for name, spec in SPECS.items():
-        if name.startswith(('birdseye.', 'search.', 'score.', 'camera.')):
+        shapes = name.startswith(('birdseye.', 'search.', 'score.', 'camera.'))
+        if shapes and name != 'camera.from_tf':
             assert not spec.read_only, name
 
 

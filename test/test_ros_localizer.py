@@ -219,7 +219,7 @@ BROKEN = {
 def test_no_bad_frame_ends_the_node_or_makes_a_pose(tester, localizer, render):
     for image in BROKEN.values():
         send(tester, image, localizer)
-    tester.until(lambda: not tester.said('no image has come yet'), 'a report of the bad frames')
+    tester.until(lambda: tester.said('output', 'WITHHELD'), 'a report of the bad frames')
     assert tester.poses == []
     assert tester.levels() <= {b'\1', b'\2'}
     truth = START @ Pose2(0.05, 0.05, 0.0)
@@ -241,7 +241,7 @@ def test_a_bad_calibration_is_reported_and_a_good_one_mends_it(
 
     def reported():
         send(tester, next(images), localizer, camera_info(**changes))
-        return tester.said('CameraInfo')
+        return tester.said('calibration', 'NO_CALIBRATION: CameraInfo')
 
     tester.until(reported, 'a report of the calibration', alive=localizer)
     assert tester.poses == []
@@ -253,12 +253,14 @@ def test_a_prior_in_another_frame_or_not_finite_is_refused(tester, localizer):
     for bad in (moon, not_finite, initial_pose(Pose2(500.0, 0.0, 0.0))):
         tester.diagnostics.clear()
         tester.initial.publish(bad)
-        tester.until(lambda: tester.said('initialpose'), 'a report', alive=localizer)
+        tester.until(
+            lambda: tester.said('prior', 'INITIALPOSE_REFUSED'), 'a report', alive=localizer
+        )
 
 
 def test_services_disable_and_enable(tester, localizer, render):
     assert tester.switch('/localizer/enable', False).success
-    tester.until(lambda: tester.said('disabled'), 'the word disabled')
+    tester.until(lambda: tester.said('output', 'DISABLED'), 'the word disabled')
     images = frames(render(START))
     for _ in range(10):
         send(tester, next(images), localizer)

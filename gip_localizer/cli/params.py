@@ -10,8 +10,12 @@ from typing import Any
 
 from gip_localizer.errors import OutputError
 
-BEGIN = '<!-- parameters: written by `make params` -->'
-END = '<!-- end of parameters -->'
+TABLES = ('parameters', 'diagnostics')
+"""Of README.md, each between two marks."""
+
+
+def _marks(table: str) -> tuple[str, str]:
+    return f'<!-- {table}: written by `make params` -->', f'<!-- end of {table} -->'
 
 
 def add_parser(verbs: Any) -> None:
@@ -26,7 +30,7 @@ def add_parser(verbs: Any) -> None:
     form.add_argument('--markdown', action='store_true', help='as a table')
     form.add_argument(
         '--write', type=Path, metavar='ROOT',
-        help='write config/*.yaml and the table of README.md below the source tree ROOT',
+        help='write config/*.yaml and the tables of README.md below the source tree ROOT',
     )
     parser.set_defaults(run=run)
 
@@ -46,17 +50,25 @@ def run(args: argparse.Namespace) -> int:
 
 def _write(root: Path) -> None:
     from gip_localizer.evaluation.parameter_pages import markdown_table, parameter_file, tree_of
+    from gip_localizer.io.concerns import diagnostics_table
 
     readme = root / 'README.md'
     text = readme.read_text(encoding='utf-8') if readme.is_file() else ''
-    if BEGIN not in text or END not in text:
-        raise OutputError(f'{readme}: lacks the lines {BEGIN!r} and {END!r}; is ROOT the sources?')
-    before, rest = text.split(BEGIN, 1)
-    after = rest.split(END, 1)[1]
-    table = markdown_table(tree_of('localizer'))
-    readme.write_text(f'{before}{BEGIN}\n{table}\n{END}{after}', encoding='utf-8')
+    tables = (markdown_table(tree_of('localizer')), diagnostics_table())
+    for name, table in zip(TABLES, tables, strict=True):
+        text = _with_table(readme, text, name, table)
+    readme.write_text(text, encoding='utf-8')
     for node in ('localizer', 'synthetic_camera'):
         path = root / 'config' / f'{node}.yaml'
         path.write_text(parameter_file(tree_of(node)), encoding='utf-8')
         print(f'wrote {path}')
     print(f'wrote {readme}')
+
+
+def _with_table(readme: Path, text: str, name: str, table: str) -> str:
+    begin, end = _marks(name)
+    if begin not in text or end not in text:
+        raise OutputError(f'{readme}: lacks the lines {begin!r} and {end!r}; is ROOT the sources?')
+    before, rest = text.split(begin, 1)
+    after = rest.split(end, 1)[1]
+    return f'{before}{begin}\n{table}\n{end}{after}'

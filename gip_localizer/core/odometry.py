@@ -112,12 +112,13 @@ class OdometryBuffer:
             None where the samples do not reach both stamps within `motion.max_gap`.
 
         """
-        start, end = self._at(start_ns), self._at(end_ns)
+        start, end = self.pose_at(start_ns), self.pose_at(end_ns)
         if start is None or end is None:
             return None
         return start.inverse() @ end
 
-    def _at(self, stamp_ns: int) -> Pose2 | None:
+    def pose_at(self, stamp_ns: int) -> Pose2 | None:
+        """Base in odom at a stamp; None where no sample is within `motion.max_gap`."""
         after = bisect_right(self._samples, stamp_ns, key=lambda s: s.stamp_ns)
         gap_ns = int(self.limits.max_gap * 1e9)
         if after == 0:

@@ -103,7 +103,10 @@ class DemoObserver:
         self.hearing.poses[stamp] = (planar_pose(message.pose.pose), covariance, latency_ms)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        said = (stamp_ns(message.header), message.status[0].message)
+        output = [status for status in message.status if status.name.endswith(': output')]
+        if not output:
+            return
+        said = (stamp_ns(message.header), output[0].message)
         if not self.hearing.sayings or self.hearing.sayings[-1][1] != said[1]:
             self.hearing.sayings.append(said)
 

@@ -4,13 +4,12 @@
 
 from __future__ import annotations
 
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import Image
-from std_msgs.msg import Float64, Header
+from std_msgs.msg import Float64
 
 from gip_localizer.core.estimate import Estimate
 from gip_localizer.core.raster_map import RasterMap
@@ -22,10 +21,10 @@ from gip_localizer.ros.conversions import (
     pose_stamped,
     pose_with_covariance,
 )
-from gip_localizer.ros.diagnostics import diagnostic_array, Health
+from gip_localizer.ros.endpoints import advertise
 
-QUALITY = 'correlation'
-"""The figure of an estimate that `~/quality` carries."""
+FIGURES = {'~/quality': 'confidence', '~/score': 'correlation'}
+"""Topic → the figure of an estimate that it carries; both are 1 at best."""
 
 
 class Outputs:
@@ -48,17 +47,16 @@ class Outputs:
         self._frame = frame
         self._raster_map = raster_map
         reliable = QoSProfile(depth=10)
-        self._pose = node.create_publisher(PoseStamped, 'pose', reliable)
-        self._with_covariance = node.create_publisher(
-            PoseWithCovarianceStamped, 'pose_with_covariance', reliable
-        )
-        self._quality = node.create_publisher(Float64, '~/quality', reliable)
-        self._execution = node.create_publisher(Float64, '~/execution_time_ms', reliable)
-        self._birdseye = node.create_publisher(Image, '~/birdseye', qos_profile_sensor_data)
-        self._overlay = node.create_publisher(Image, '~/overlay', qos_profile_sensor_data)
-        self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', reliable)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._map = node.create_publisher(OccupancyGrid, 'map', latched)
+        posed = PoseWithCovarianceStamped
+        self._pose = advertise(node, PoseStamped, 'pose', reliable)
+        self._with_covariance = advertise(node, posed, 'pose_with_covariance', reliable)
+        self._last_pose = advertise(node, posed, '~/last_pose', latched)
+        self._figures = {topic: advertise(node, Float64, topic, reliable) for topic in FIGURES}
+        self._execution = advertise(node, Float64, '~/execution_time_ms', reliable)
+        self._birdseye = advertise(node, Image, '~/birdseye', qos_profile_sensor_data)
+        self._overlay = advertise(node, Image, '~/overlay', qos_profile_sensor_data)
+        self._map = advertise(node, OccupancyGrid, 'map', latched)
         self._map.publish(occupancy_grid(self._now_ns(), frame, raster_map))
 
     def publish(self, estimate: Estimate, elapsed_ms: float) -> None:
@@ -66,10 +64,13 @@ class Outputs:
         if estimate.pose is not None and estimate.covariance is not None:
             at = (estimate.stamp_ns, self._frame, estimate.pose)
             self._pose.publish(pose_stamped(*at))
-            self._with_covariance.publish(pose_with_covariance(*at, estimate.covariance))
+            posed = pose_with_covariance(*at, estimate.covariance)
+            self._with_covariance.publish(posed)
+            self._last_pose.publish(posed)
         self._execution.publish(Float64(data=elapsed_ms))
-        if QUALITY in estimate.quality:
-            self._quality.publish(Float64(data=float(estimate.quality[QUALITY])))
+        for topic, name in FIGURES.items():
+            if name in estimate.quality:
+                self._figures[topic].publish(Float64(data=float(estimate.quality[name])))
 
     def publish_pictures(self, estimate: Estimate, frame: str) -> None:
         """Publish what the match looked like, in the vehicle's frame, if someone is looking."""
@@ -83,12 +84,6 @@ class Outputs:
         if pose is not None and self._overlay.get_subscription_count():
             picture = overlay_picture(self._raster_map, match.view, pose)
             self._overlay.publish(bgr8(estimate.stamp_ns, frame, picture))
-
-    def tell(self, health: Health) -> None:
-        """Publish diagnostics."""
-        header = Header(stamp=self._node.get_clock().now().to_msg())
-        name = self._node.get_fully_qualified_name().lstrip('/')
-        self._diagnostics.publish(diagnostic_array(health, name, header))
 
     def _now_ns(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)

@@ -30,6 +30,8 @@ from gip_localizer.parameter_specs import ParameterGroup, Spec
 
 Tree = TypeVar('Tree', bound=ParameterGroup)
 LARGEST_INTEGER = 2**53
+QOS = 'qos_overrides.'
+"""Declared when the topics are made."""
 
 
 class LiveParameters(Generic[Tree]):
@@ -103,7 +105,7 @@ def descriptor(spec: Spec) -> ParameterDescriptor:
 
 def _declare(node: Node, spec: Spec) -> object:
     """Declare one parameter; a value given at start is judged in this package's words."""
-    given = _given_at_start(node).get(spec.name)
+    given = given_at_start(node).get(spec.name)
     default = spec.default if given is None else spec.checked(given.value)
     try:
         return node.declare_parameter(
@@ -115,7 +117,7 @@ def _declare(node: Node, spec: Spec) -> object:
         ) from None
 
 
-def _given_at_start(node: Node) -> Mapping[str, Parameter]:
+def given_at_start(node: Node) -> Mapping[str, Parameter]:
     """Return what the command line and parameter files set; rclpy has no public word for it."""
     given: Mapping[str, Parameter] = getattr(node, '_parameter_overrides', {})
     return given
@@ -123,8 +125,9 @@ def _given_at_start(node: Node) -> Mapping[str, Parameter]:
 
 def _warn_of_unknown_names(node: Node, names: frozenset[str]) -> None:
     """Tell of a misspelt name, which rclpy would ignore."""
-    for name in _given_at_start(node):
-        if name not in names and not node.has_parameter(name):
+    for name in given_at_start(node):
+        known = name in names or node.has_parameter(name) or name.startswith(QOS)
+        if not known:
             close = difflib.get_close_matches(name, names, n=1)
             guess = f'; did you mean {close[0]}?' if close else ''
             node.get_logger().warning(f'parameter {name} is unknown and ignored{guess}')

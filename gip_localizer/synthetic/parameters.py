@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from gip_localizer.errors import ParameterError
 from gip_localizer.parameter_specs import group, ParameterGroup
 from gip_localizer.parameter_specs import parameter as p
-from gip_localizer.parameters import Camera, Frames
+from gip_localizer.parameters import Camera
+from gip_localizer.stack_parameters import Frames
 
 
 @dataclass(frozen=True)

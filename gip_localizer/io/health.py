@@ -1,0 +1,248 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How a run fares: which rules of `gip_localizer.io.concerns` hold now, and the figures."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+import time
+
+import numpy as np
+
+from gip_localizer.core.estimate import Estimate, Status
+from gip_localizer.io.concerns import Concern, CONCERNS, Level, Rule
+from gip_localizer.stack_parameters import Diagnostics
+
+REMEMBERED = 10.0
+"""Time (s) for which a passing fault is told."""
+RECENT = 100
+"""Frames over which times are summed up."""
+REWIND_S = 1.0
+"""A stamp this much (s) before the last one tells that time itself went back."""
+COMPLAINTS = {'odom': 'ODOMETRY_REFUSED', 'initialpose': 'INITIALPOSE_REFUSED'}
+COUNTED = {
+    'image': ('', 'images_refused'), 'camera_info': ('camera_infos', 'camera_infos_refused'),
+    'odom': ('odometries', 'odometries_refused'),
+    'initialpose': ('initialposes', 'initialposes_refused'),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Report:
+    """What is to be said of one concern: the rule that holds, or None, and the figures."""
+
+    concern: Concern
+    rule: Rule | None
+    detail: str
+    figures: dict[str, str]
+
+    @property
+    def level(self) -> Level:
+        """Of the rule; OK without one."""
+        return self.rule.level if self.rule is not None else Level.OK
+
+    @property
+    def message(self) -> str:
+        """The rule's name and the detail."""
+        name = self.rule.name if self.rule is not None else 'OK'
+        return f'{name}: {self.detail}' if self.detail else name
+
+
+@dataclass
+class Health:
+    """
+    Takes what happens, tells what is the matter.
+
+    Attributes
+    ----------
+    limits : Diagnostics
+        When messages are late or missing.
+    fixed : dict
+        Figures that do not change, such as those of the map.
+    simulated : bool
+        The clock comes from /clock.
+    enabled : bool
+        False: frames are ignored on request.
+    steady : callable
+        Seconds that never go back.
+    lasting : dict
+        Rules that hold until taken out, and their details.
+
+    """
+
+    limits: Diagnostics
+    fixed: Mapping[str, str] = field(default_factory=dict)
+    simulated: bool = False
+    enabled: bool = True
+    steady: Callable[[], float] = time.monotonic
+    lasting: dict[str, str] = field(default_factory=dict)
+    estimate: Estimate | None = None
+    prediction: str = 'none'
+    frames: int = 0
+    published: int = 0
+    _at: dict[str, float] = field(default_factory=dict)
+    _events: dict[str, tuple[float, str]] = field(default_factory=dict)
+    _complaints: Mapping[str, str] = field(default_factory=dict)
+    _counts: Mapping[str, int] = field(default_factory=dict)
+    _stamps: deque[int] = field(default_factory=lambda: deque(maxlen=RECENT))
+    _times_ms: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
+    _delay: float = 0.0
+    _clock: tuple[int, float] | None = None
+
+    def image_came(self, stamp_ns: int, clock_ns: int) -> None:
+        """Note an image: its stamp, and the clock at its arrival."""
+        if self._stamps and (self._stamps[-1] - stamp_ns) * 1e-9 > REWIND_S:
+            self.time_went_back((self._stamps[-1] - stamp_ns) * 1e-9)
+        self.frames += 1
+        self._at['image'] = self.steady()
+        self._stamps.append(stamp_ns)
+        self._delay = (clock_ns - stamp_ns) * 1e-9
+
+    def odometry_came(self) -> None:
+        """Note an odometry message."""
+        self._at['odom'] = self.steady()
+
+    def time_went_back(self, seconds: float) -> None:
+        """Note that stamps or the clock went back."""
+        self._stamps.clear()
+        self.happened('TIME_WENT_BACK', f'by {seconds:.3f} s')
+
+    def happened(self, rule: str, detail: str) -> None:
+        """Note a passing fault."""
+        self._events[rule] = (self.steady(), detail)
+
+    def took(self, estimate: Estimate, milliseconds: float) -> None:
+        """Note the outcome of a frame, and how long it took."""
+        self.estimate = estimate
+        self._times_ms.append(milliseconds)
+        if estimate.published:
+            self.published += 1
+            self._at['pose'] = self.steady()
+
+    def hear(self, complaints: Mapping[str, str], counts: Mapping[str, int]) -> None:
+        """Note what is wrong with the last messages, and how many came, by topic."""
+        for topic, rule in COMPLAINTS.items():
+            refused = f'{topic}_refused'
+            if topic in complaints and counts.get(refused) != self._counts.get(refused):
+                self.happened(rule, complaints[topic])
+        self._complaints, self._counts = dict(complaints), dict(counts)
+
+    def clock_shows(self, clock_ns: int) -> None:
+        """Note the clock; told often, so that a clock that stands is noticed."""
+        if self._clock is None or self._clock[0] != clock_ns:
+            self._clock = (clock_ns, self.steady())
+
+    def reports(self) -> list[Report]:
+        """Return one report per concern, in the order of `CONCERNS`."""
+        active = self._active()
+        figures = self._figures()
+        reports = []
+        for concern in CONCERNS:
+            held = next((rule for rule in concern.rules if rule.name in active), None)
+            detail = active[held.name] if held is not None else self._well(concern.name)
+            own = {key: figures[key] for key in concern.figures if key in figures}
+            reports.append(Report(concern, held, detail, own))
+        return reports
+
+    def _active(self) -> dict[str, str]:
+        """Return the names of all rules that hold, and their details."""
+        now = self.steady()
+        active = {
+            name: detail for name, (since, detail) in self._events.items()
+            if now - since < REMEMBERED
+        } | self.lasting  # fmt: skip
+        active |= self._silences() | self._stamp_faults()
+        if 'camera_info' in self._complaints:
+            active['CAMERA_INFO_REFUSED'] = self._complaints['camera_info']
+        if self.estimate is not None and self.estimate.status is not Status.TRACKING:
+            active[str(self.estimate.status)] = self.estimate.reason
+        period = self._period_ms()
+        if len(self._times_ms) == RECENT and 0.0 < period < self._percentile(50):
+            active['SLOW'] = f'{self._percentile(50):.0f} ms a frame, one every {period:.0f} ms'
+        return active | self._withheld(active)
+
+    def _silences(self) -> dict[str, str]:
+        limits, found = self.limits, {}
+        image_age, odom_age = self._age('image'), self._age('odom')
+        if image_age is None:
+            found['NO_IMAGE_YET'] = 'is the camera on, is the topic remapped?'
+        elif image_age > limits.camera_timeout:
+            found['NO_IMAGE'] = f'for {image_age:.1f} s'
+        if self.simulated and self._clock is not None:
+            still = self.steady() - self._clock[1]
+            if still > limits.camera_timeout:
+                found['CLOCK_STANDS'] = f'for {still:.1f} s; is /clock published?'
+        if not self._counts.get('camera_info'):
+            found['NO_CAMERA_INFO_YET'] = 'is the topic remapped?'
+        if odom_age is not None and odom_age > limits.odometry_timeout:
+            found['ODOMETRY_STALE'] = f'none for {odom_age:.1f} s'
+        return found
+
+    def _stamp_faults(self) -> dict[str, str]:
+        if not self._stamps:
+            return {}
+        hint = 'are the clocks of camera and computer the same? with a bag set use_sim_time'
+        if self._delay > self.limits.max_delay:
+            return {'LATE_FRAMES': f'{self._delay:.3f} s behind the clock; {hint}'}
+        if -self._delay > self.limits.max_ahead:
+            return {'FUTURE_STAMPS': f'{-self._delay:.3f} s ahead of the clock; {hint}'}
+        return {}
+
+    def _withheld(self, active: Mapping[str, str]) -> dict[str, str]:
+        if not self.enabled:
+            return {'DISABLED': 'images are ignored'}
+        if 'NO_IMAGE' in active:
+            return {'WITHHELD': f'NO_IMAGE: {active["NO_IMAGE"]}'}
+        if self.estimate is None:
+            return {'WAITING': ''}
+        if not self.estimate.published:
+            return {'WITHHELD': f'{self.estimate.status}: {self.estimate.reason}'}
+        return {}
+
+    def _well(self, concern: str) -> str:
+        if concern == 'output' and self.estimate is not None:
+            return f'{self.estimate.status}: {self.estimate.reason}'
+        if concern == 'odometry' and 'odom' not in self._at:
+            return 'none has come; the last velocity is held'
+        return ''
+
+    def _age(self, what: str) -> float | None:
+        return self.steady() - self._at[what] if what in self._at else None
+
+    def _period_ms(self) -> float:
+        """Return the time between images, ms; dropped ones make longer gaps, not shorter."""
+        gaps = np.diff(np.fromiter(self._stamps, np.int64)) * 1e-6
+        return float(np.percentile(gaps, 10.0)) if len(gaps) else 0.0
+
+    def _percentile(self, percent: float) -> float:
+        return float(np.percentile(self._times_ms, percent))
+
+    def _figures(self) -> dict[str, str]:
+        """Return every figure that is known, by key."""
+        figures = dict(self.fixed)
+        figures |= {'frames': str(self.frames), 'published': str(self.published)}
+        if self.frames:
+            figures['availability'] = f'{self.published / self.frames:.4f}'
+            figures['image_delay'] = f'{self._delay:.4f}'
+        for what, key in (('image', 'image_age'), ('odom', 'odometry_age'), ('pose', 'pose_age')):
+            if what in self._at:
+                figures[key] = f'{self.steady() - self._at[what]:.3f}'
+        if (period := self._period_ms()) > 0.0:
+            figures['image_rate'] = f'{1e3 / period:.3g}'
+        for topic, (came, refused) in COUNTED.items():
+            figures[came] = str(self._counts.get(topic, 0))
+            figures[refused] = str(self._counts.get(f'{topic}_refused', 0))
+        figures['prediction'] = self.prediction
+        return figures | self._match_figures()
+
+    def _match_figures(self) -> dict[str, str]:
+        figures = {}
+        if self._times_ms:
+            for percent in (50, 95):
+                figures[f'execution_time_p{percent}_ms'] = f'{self._percentile(percent):.2f}'
+        if self.estimate is not None:
+            figures |= {name: f'{value:.6g}' for name, value in self.estimate.quality.items()}
+            figures |= {f'{name}_ms': f'{ms:.3f}' for name, ms in self.estimate.timings_ms.items()}
+        return figures

@@ -1,0 +1,233 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Topics and services around a `Frontend`: the working part of the node, plain or managed.
+
+A frame goes: take what waits, localize, publish, tell what has changed.
+
+"""
+
+from __future__ import annotations
+
+from functools import partial
+import time
+from typing import Any
+
+from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
+from rclpy.duration import Duration
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+
+from gip_localizer.core.camera import Extrinsics
+from gip_localizer.core.estimate import Estimate, Status
+from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.errors import ParameterError
+from gip_localizer.io.frontend import Frontend
+from gip_localizer.io.health import Health
+from gip_localizer.io.map_files import load_map
+from gip_localizer.io.messages import stamp_ns
+from gip_localizer.io.state_file import map_hash
+from gip_localizer.io.state_keeper import StateKeeper
+from gip_localizer.parameters import Parameters
+from gip_localizer.ros.diagnostics import Diagnostics
+from gip_localizer.ros.inputs import Inputs, Localize
+from gip_localizer.ros.outputs import Outputs
+from gip_localizer.ros.transforms import CameraFromTf, MapToOdom
+
+LOOK = 0.2
+"""Seconds between two looks at what has become silent."""
+LOOKS_PER_REPORT = 5
+
+
+class Localization:
+    """
+    Localizes the frames that a node hears.
+
+    Parameters
+    ----------
+    node : Node
+        Owns topics, services and timers.
+    parameters : Parameters
+        At the start; `configure` changes them.
+    active : bool
+        False: images are ignored until `switch`.
+
+    Raises
+    ------
+    GipError
+        A parameter or the map cannot be used.
+
+    """
+
+    def __init__(self, node: Node, parameters: Parameters, *, active: bool = True) -> None:
+        raster_map = _map_of(parameters)
+        self._node = node
+        self._frontend = Frontend(raster_map, parameters)
+        self._parameters = parameters
+        self._extrinsics: Extrinsics | None = None
+        self._health = Health(
+            parameters.diagnostics, _map_figures(raster_map), enabled=active,
+            simulated=bool(node.get_parameter('use_sim_time').value),
+        )
+        self._keeper = StateKeeper(
+            self._frontend.localizer, partial(self._health.happened, 'STATE_REFUSED')
+        )
+        self._wire(raster_map)
+        self._say_hello(raster_map)
+
+    def _wire(self, raster_map: RasterMap) -> None:
+        node, frames = self._node, self._parameters.frames
+        self._outputs = Outputs(node, frames.map, raster_map)
+        self._diagnostics = Diagnostics(node, self._health)
+        self._tf = None
+        if self._parameters.tf.publish:
+            self._tf = MapToOdom(node, frames.map, frames.odom)
+        self._camera_tf = None
+        if self._parameters.camera.from_tf:
+            self._camera_tf = CameraFromTf(node, frames.base, self._place_camera, self._no_camera)
+        self._inputs = Inputs(node, self._frontend, self._on_frame, self._on_other)
+        node.create_service(Trigger, '~/relocalize', self._on_relocalize)
+        node.create_service(SetBool, '~/enable', self._on_enable)
+        self._looks = 0
+        node.create_timer(LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        back = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
+                             on_clock_change=False)
+        self._jumps = node.get_clock().create_jump_callback(back, post_callback=self._on_jump)
+
+    def _say_hello(self, raster_map: RasterMap) -> None:
+        rows, cols = raster_map.grey.shape
+        self._node.get_logger().info(
+            f'map {self._parameters.map_file}: {cols} x {rows} cells of '
+            f'{raster_map.resolution:g} m; waiting for {self._node.resolve_topic_name("image")}'
+        )
+
+    def configure(self, parameters: Parameters) -> None:
+        """Take new parameters from the next frame on."""
+        self._parameters = parameters
+        self._health.limits = parameters.diagnostics
+        if self._extrinsics is not None:
+            parameters = parameters.replace({
+                f'camera.{name}': value for name, value in vars(self._extrinsics).items()
+            })
+        self._frontend.configure(parameters)
+
+    def switch(self, on: bool) -> None:
+        """Take images, or ignore them."""
+        self._health.enabled = on
+        self._diagnostics.tell()
+
+    def close(self) -> None:
+        """Let go of the clock; the node's endpoints are the caller's affair."""
+        self._jumps.unregister()
+
+    def _on_frame(self, localize: Localize, message: Any) -> None:
+        stamp = stamp_ns(message.header)
+        self._health.image_came(stamp, self._now_ns())
+        if not self._health.enabled:
+            return
+        started = time.perf_counter()
+        self._inputs.take_waiting_odometry()
+        self._keeper.before(stamp)
+        estimate = self._localized(localize, message)
+        elapsed_ms = 1e3 * (time.perf_counter() - started)
+        self._outputs.publish(estimate, elapsed_ms)
+        self._publish_transform(estimate)
+        self._outputs.publish_pictures(estimate, self._parameters.frames.base)
+        self._keeper.after(estimate)
+        self._health.took(estimate, elapsed_ms)
+        self._health.prediction = self._frontend.localizer.tracker.prediction_source
+        self._tell_changes()
+
+    def _localized(self, localize: Localize, message: Any) -> Estimate:
+        if self._camera_tf is not None:
+            self._camera_tf.seen_in(str(message.header.frame_id))
+            if not self._camera_tf.known:
+                return Estimate(stamp_ns(message.header), Status.NO_CALIBRATION, (
+                    f'camera.from_tf: {self._health.lasting.get("NO_CAMERA_TF", "")}'
+                ))
+        return localize(message)
+
+    def _publish_transform(self, estimate: Estimate) -> None:
+        if self._tf is None or estimate.pose is None:
+            return
+        odometry = self._frontend.localizer.tracker.odometry.pose_at(estimate.stamp_ns)
+        if odometry is None:
+            self._health.lasting['NO_TF'] = 'no odometry at the stamp of the image'
+            return
+        self._health.lasting.pop('NO_TF', None)
+        tolerance = self._parameters.tf.tolerance
+        self._tf.publish(estimate.stamp_ns, tolerance, estimate.pose, odometry)
+
+    def _on_other(self, topic: str, message: Any) -> None:
+        if topic == 'odom':
+            self._health.odometry_came()
+        elif topic == 'initialpose' and topic not in self._frontend.complaints:
+            self._keeper.forget()
+        elif topic == 'camera_info' and self._camera_tf is not None:
+            self._camera_tf.seen_in(str(message.header.frame_id))
+        if topic != 'odom' or topic in self._frontend.complaints:
+            self._tell_changes()
+
+    def _place_camera(self, extrinsics: Extrinsics) -> None:
+        self._extrinsics = extrinsics
+        self.configure(self._parameters)
+        numbers = ', '.join(f'{name} {value:.4g}' for name, value in vars(extrinsics).items())
+        self._node.get_logger().info(f'camera from TF: {numbers}')
+
+    def _no_camera(self, why: str | None) -> None:
+        if why is None:
+            self._health.lasting.pop('NO_CAMERA_TF', None)
+        else:
+            self._health.lasting['NO_CAMERA_TF'] = why
+
+    def _on_jump(self, jump: TimeJump) -> None:
+        self._health.time_went_back(-jump.delta.nanoseconds * 1e-9)
+
+    def _tell_changes(self) -> None:
+        self._health.hear(self._frontend.complaints, self._frontend.counts)
+        self._diagnostics.tell_changes()
+
+    def _look(self) -> None:
+        """Notice silence soon; tell all once a second."""
+        self._health.clock_shows(self._now_ns())
+        self._health.hear(self._frontend.complaints, self._frontend.counts)
+        self._looks += 1
+        if self._looks % LOOKS_PER_REPORT == 1:
+            self._diagnostics.tell()
+        else:
+            self._diagnostics.tell_changes()
+
+    def _on_relocalize(
+        self, _request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        self._frontend.relocalize()
+        self._keeper.forget()
+        response.success = True
+        response.message = 'the next frame is searched for in the whole map'
+        return response
+
+    def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self.switch(bool(request.data))
+        response.success = True
+        response.message = 'enabled' if request.data else 'disabled'
+        return response
+
+    def _now_ns(self) -> int:
+        return int(self._node.get_clock().now().nanoseconds)
+
+
+def _map_of(parameters: Parameters) -> RasterMap:
+    if not parameters.map_file:
+        raise ParameterError(
+            'parameter map_file: is empty, expected the path of a nav2 map YAML; '
+            'start with: --ros-args -p map_file:=/path/to/map.yaml'
+        )
+    return load_map(parameters.map_file)
+
+
+def _map_figures(raster_map: RasterMap) -> dict[str, str]:
+    rows, cols = raster_map.grey.shape
+    return {
+        'map_cells': f'{cols} x {rows}', 'map_resolution': f'{raster_map.resolution:g}',
+        'map_hash': map_hash(raster_map),
+    }

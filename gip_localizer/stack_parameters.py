@@ -1,0 +1,67 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The groups of `gip_localizer.parameters` that tie the node into a vehicle's stack."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gip_localizer.parameter_specs import parameter as p
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Names of the coordinate frames (REP 105)."""
+
+    map: str = p('map', 'Frame of the map and of the published poses.', read_only=True)
+    odom: str = p('odom', 'Frame of the odometry.', read_only=True)
+    base: str = p('base_link', 'Frame of the vehicle, on the road under it.', read_only=True)
+
+
+@dataclass(frozen=True)
+class InitialPose:
+    """Where to start without an `initialpose` message."""
+
+    set: bool = p(False, 'Take the pose below as the first prior.', read_only=True)
+    x: float = p(0.0, 'Position in the map frame.', unit='m', low=-1e7, high=1e7, read_only=True)
+    y: float = p(0.0, 'Position in the map frame.', unit='m', low=-1e7, high=1e7, read_only=True)
+    yaw: float = p(0.0, 'Heading in the map frame.', unit='rad', low=-7.0, high=7.0,
+                   read_only=True)
+    sigma_xy: float = p(0.3, 'Standard deviation of x and of y.', unit='m', low=1e-3, high=1e3,
+                        read_only=True)
+    sigma_yaw: float = p(0.03, 'Standard deviation of the heading.', unit='rad', low=1e-4,
+                         high=3.2, read_only=True)
+
+
+@dataclass(frozen=True)
+class Transforms:
+    """What the node says on /tf; where tf2_msgs is not installed it says that it cannot."""
+
+    publish: bool = p(False, 'Publish map to odom on /tf (needs tf2_msgs and odometry); only one '
+                      'node may.', read_only=True)
+    tolerance: float = p(0.1, 'How far ahead of the image the transform is stamped.', unit='s',
+                         low=0.0, high=10.0)
+
+
+@dataclass(frozen=True)
+class State:
+    """The last pose, kept in `state_file` for a restart."""
+
+    period: float = p(1.0, 'Least time between two writings of state_file.', unit='s', low=0.1,
+                      high=3600.0)
+    max_age: float = p(60.0, 'An older state_file is not used.', unit='s', low=0.1, high=1e7,
+                       read_only=True)
+
+
+@dataclass(frozen=True)
+class Diagnostics:
+    """When /diagnostics warn of the messages that come, or do not."""
+
+    camera_timeout: float = p(1.0, 'A camera that is silent for longer is reported.', unit='s',
+                              low=0.05, high=3600.0)
+    odometry_timeout: float = p(1.0, 'Odometry that is silent for longer is reported.', unit='s',
+                                low=0.05, high=3600.0)
+    max_delay: float = p(0.5, 'Images that come later after their stamp are reported.', unit='s',
+                         low=0.0, high=3600.0)
+    max_ahead: float = p(0.1, 'Stamps farther ahead of the clock are reported.', unit='s',
+                         low=0.0, high=3600.0)

@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Each rule of the diagnostics: it holds when its table says so, and not otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from gip_localizer.core.estimate import Estimate, Status
+from gip_localizer.core.pose import Pose2
+from gip_localizer.io.concerns import CONCERNS, Level, rule_of
+from gip_localizer.io.health import Health, RECENT
+from gip_localizer.stack_parameters import Diagnostics
+
+SECOND = 1_000_000_000
+GOOD = Estimate(SECOND, Status.TRACKING, 'well', Pose2(0.0, 0.0, 0.0), np.eye(3))
+
+
+@dataclass
+class Steady:
+    now: float = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def steady():
+    return Steady()
+
+
+@pytest.fixture
+def health(steady):
+    """A node that is well: camera_info, odometry and a localized image have just come."""
+    health = Health(Diagnostics(), steady=steady)
+    health.hear({}, {'camera_info': 1, 'odom': 1})
+    health.odometry_came()
+    health.image_came(SECOND, SECOND)
+    health.took(GOOD, 5.0)
+    return health
+
+
+def rules(health):
+    return {report.rule.name for report in health.reports() if report.rule is not None}
+
+
+def report(health, concern):
+    [found] = [r for r in health.reports() if r.concern.name == concern]
+    return found
+
+
+def test_all_is_well_where_all_comes(health):
+    assert rules(health) == set()
+    assert {r.level for r in health.reports()} == {Level.OK}
+    assert report(health, 'output').message == 'OK: TRACKING: well'
+
+
+def test_at_the_start_each_concern_says_what_it_waits_for(steady):
+    fresh = Health(Diagnostics(), steady=steady)
+    assert rules(fresh) == {'NO_IMAGE_YET', 'NO_CAMERA_INFO_YET', 'WAITING'}
+
+
+@pytest.mark.parametrize('status', [s for s in Status if s not in (
+    Status.TRACKING, Status.DISABLED)])
+def test_each_status_has_a_rule_that_withholds_and_is_named_by_the_output(health, status):
+    health.took(Estimate(SECOND, status, 'because'), 5.0)
+    found = rule_of(str(status))
+    assert found is not None
+    concern, rule = found
+    assert rule.withheld
+    assert report(health, concern.name).message == f'{status}: because'
+    assert report(health, 'output').message == f'WITHHELD: {status}: because'
+    assert report(health, 'output').level is Level.ERROR
+
+
+def test_a_silent_camera_is_an_error_and_withholds(health, steady):
+    steady.now += 1.5
+    assert report(health, 'camera').message == 'NO_IMAGE: for 1.5 s'
+    assert report(health, 'output').rule.name == 'WITHHELD'
+    health.image_came(2 * SECOND, 2 * SECOND)
+    assert 'NO_IMAGE' not in rules(health)
+
+
+@pytest.mark.parametrize(('delay_s', 'rule'), [
+    (0.6, 'LATE_FRAMES'), (-0.2, 'FUTURE_STAMPS'), (0.4, None), (-0.05, None),
+])  # fmt: skip
+def test_stamps_far_from_the_clock_are_told_but_do_not_withhold(health, delay_s, rule):
+    health.image_came(2 * SECOND, 2 * SECOND + round(delay_s * SECOND))
+    assert rules(health) == ({rule} if rule else set())
+
+
+def test_stamps_that_go_back_are_told_for_ten_seconds(health, steady):
+    health.image_came(10 * SECOND, 10 * SECOND)
+    health.image_came(3 * SECOND, 3 * SECOND)
+    assert report(health, 'camera').message == 'TIME_WENT_BACK: by 7.000 s'
+    steady.now += 10.5
+    health.image_came(4 * SECOND, 4 * SECOND)
+    assert report(health, 'camera').level is Level.OK
+
+
+def test_a_clock_that_stands_is_told_under_simulated_time_only(health, steady):
+    for simulated in (False, True):
+        health.simulated = simulated
+        health.clock_shows(SECOND)
+        steady.now += 1.2
+        health.clock_shows(SECOND)
+        health.image_came(SECOND + 1, SECOND)
+        assert ('CLOCK_STANDS' in rules(health)) == simulated
+
+
+def test_odometry_that_stops_or_is_refused_is_told(health, steady):
+    health.hear({'odom': 'odometry jumped 9 m'}, {'camera_info': 1, 'odom': 2, 'odom_refused': 1})
+    assert report(health, 'odometry').message == 'ODOMETRY_REFUSED: odometry jumped 9 m'
+    steady.now += 1.1
+    health.image_came(2 * SECOND, 2 * SECOND)
+    assert report(health, 'odometry').rule.name == 'ODOMETRY_STALE'
+
+
+def test_a_refusal_is_remembered_for_ten_seconds_after_good_messages_follow(health, steady):
+    counts = {'camera_info': 1, 'initialpose': 1, 'initialpose_refused': 1}
+    health.hear({'initialpose': 'of the moon'}, counts)
+    health.hear({}, counts)
+    assert report(health, 'prior').message == 'INITIALPOSE_REFUSED: of the moon'
+    steady.now += 10.5
+    assert report(health, 'prior').level is Level.OK
+
+
+def test_slow_is_a_median_above_the_time_between_images(health):
+    for n in range(2, RECENT + 2):
+        health.image_came(n * SECOND // 10, n * SECOND // 10)
+        health.took(GOOD, 120.0)
+    assert report(health, 'match').message == 'SLOW: 120 ms a frame, one every 100 ms'
+
+
+def test_disabled_outdoes_all_else_on_the_output(health):
+    health.took(Estimate(SECOND, Status.LOST, 'no fix'), 5.0)
+    health.enabled = False
+    assert report(health, 'output').rule.name == 'DISABLED'
+
+
+def test_figures_are_those_of_the_table(health):
+    for found in health.reports():
+        assert set(found.figures) <= set(found.concern.figures)
+    assert report(health, 'output').figures['availability'] == '1.0000'
+    assert report(health, 'camera').figures['frames'] == '1'
+
+
+def test_rule_names_are_unique():
+    names = [str(rule.name) for concern in CONCERNS for rule in concern.rules]
+    assert len(names) == len(set(names))
