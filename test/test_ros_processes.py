@@ -21,7 +21,8 @@ pytestmark = pytest.mark.ros
 
 PATIENCE = 20.0
 PARENT = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
 from pathlib import Path
 from gip_localizer.ros.processes import NodeProcesses
 with NodeProcesses(Path(sys.argv[1]), {}) as nodes:

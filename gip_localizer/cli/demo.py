@@ -13,6 +13,7 @@ import tempfile
 import time
 from typing import Any, TYPE_CHECKING
 
+from gip_localizer.cli.settings import ctrl_c
 from gip_localizer.errors import GipError
 from gip_localizer.parameters import METRICS, Parameters
 
@@ -71,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     # A plain `kill` must end the children too: as Ctrl-C does.
     for request in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(request, lambda number, _: sys.exit(128 + number))
-    with tempfile.TemporaryDirectory(prefix='gip_demo_') as folder:
+    with ctrl_c(heard=True), tempfile.TemporaryDirectory(prefix='gip_demo_') as folder:
         finished = _drive(args, Path(folder))
     metrics = write_results(args.out, finished, args.force)
     print(format_table(table_rows(metrics)))
