@@ -80,18 +80,17 @@ def make_lattice(
 
 def make_canvas(grid: Grid, lattice: Lattice) -> Grid:
     """Return the cells, in the anchor's axes, that the view covers at any of the yaws."""
-    corners = np.array([[x, y] for x in (grid.far, grid.far - grid.rows * grid.resolution)
-                        for y in (grid.left, grid.left - grid.cols * grid.resolution)])
-    pivot = np.array([lattice.pivot, 0.0])
-    turned = pivot + np.concatenate([
-        (corners - pivot) @ Pose2(0.0, 0.0, float(yaw)).rotation().T
-        for yaw in _extreme_yaws(lattice.yaws)
-    ])
+    near, right = grid.far - grid.rows * grid.resolution, grid.left - grid.cols * grid.resolution
+    corners = np.array([[x, y] for x in (grid.far, near) for y in (grid.left, right)])
+    x, y = (corners - [lattice.pivot, 0.0]).T
+    yaws = _extreme_yaws(lattice.yaws)[:, None]
+    turned_x = np.cos(yaws) * x - np.sin(yaws) * y + lattice.pivot
+    turned_y = np.sin(yaws) * x + np.cos(yaws) * y
     steps = grid.resolution
-    far = grid.far + math.ceil((turned[:, 0].max() - grid.far) / steps - 1e-6) * steps
-    left = grid.left + math.ceil((turned[:, 1].max() - grid.left) / steps - 1e-6) * steps
-    rows = math.ceil((far - turned[:, 0].min()) / steps - 1e-6)
-    cols = math.ceil((left - turned[:, 1].min()) / steps - 1e-6)
+    far = grid.far + math.ceil((turned_x.max() - grid.far) / steps - 1e-6) * steps
+    left = grid.left + math.ceil((turned_y.max() - grid.left) / steps - 1e-6) * steps
+    rows = math.ceil((far - turned_x.min()) / steps - 1e-6)
+    cols = math.ceil((left - turned_y.min()) / steps - 1e-6)
     return Grid(far, left, rows, cols, steps)
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
@@ -38,8 +39,8 @@ class Residuals:
         the overlap is too small.
     correlation : (...) float32 or None
         Weighted correlation coefficient; None where only the residual was asked for.
-    overlap : (...) float32
-        Share of the weight on known map cells.
+    overlap : (...) or () float32
+        Share of the weight on known map cells; one number where it is the same for all.
 
     """
 
@@ -71,23 +72,37 @@ class Scorer:
         self, values: Floats, weight: Floats, window: Floats, known: Floats, *,
         normalized: bool, min_overlap: float, residual_only: bool = False,
     ) -> None:
-        self.everywhere = bool(known.all())
+        self.everywhere = bool((known != 0.0).all())
         self._normalized, self._min_overlap = normalized, min_overlap
         self._joint = residual_only and not normalized
-        level = np.float32(np.average(values, weights=weight)) if weight.any() else np.float32(0)
-        v = np.where(weight > 0.0, values - level, np.float32(0.0))
-        planes = [weight, weight * v, weight * v * v]
         self._total = float(weight.sum(dtype=np.float64))
-        self._total_vv = np.float32(planes[2].sum(dtype=np.float64))
-        if self._joint:
-            planes[1] *= np.float32(-2.0)
-        m = window - level * known
-        fields = [m, m * m, known]
-        if self.everywhere:
-            planes, fields = planes[:2], fields[:2]
-        self.templates = np.stack(planes).astype(np.float32)
-        self.fields = np.stack(fields).astype(np.float32)
+        level = self._level(values, weight)
+        self.templates = self._make_templates(values, weight, level)
+        self.fields = np.empty((2 if self.everywhere else 3, *window.shape), np.float32)
+        np.subtract(window, level if self.everywhere else level * known, out=self.fields[M])
+        np.multiply(self.fields[M], self.fields[M], out=self.fields[MM])
+        if not self.everywhere:
+            self.fields[KNOWN] = known
         self.terms = self._terms()
+
+    def _level(self, values: Floats, weight: Floats) -> np.float32:
+        """Return the weighted mean of the view, about which the sums are taken."""
+        if self._total <= 0.0:
+            return np.float32(0.0)
+        return np.float32(np.dot(weight.ravel(), values.ravel()) / self._total)
+
+    def _make_templates(self, values: Floats, weight: Floats, level: np.float32) -> Floats:
+        """Return G, G v and, where the map has gaps, G v²; for the joint term -2 G v."""
+        templates = np.empty((2 if self.everywhere else 3, *weight.shape), np.float32)
+        templates[0] = weight
+        v = np.subtract(values, level, out=templates[1])
+        v[weight <= 0.0] = 0.0
+        squares = weight * v * v
+        self._total_vv = np.float32(squares.sum(dtype=np.float64))
+        v *= weight * np.float32(-2.0) if self._joint else weight
+        if not self.everywhere:
+            templates[2] = squares
+        return templates
 
     def _terms(self) -> list[Term]:
         if not self._joint:
@@ -99,9 +114,8 @@ class Scorer:
         """Σ G and Σ G v of turned templates (n, rows, cols), needed on a known map only."""
         if not self.everywhere:
             return 0.0, 0.0
-        ones = np.ones(turned.shape[2], np.float32)
-        w, v = (float((plane @ ones).sum(dtype=np.float64)) for plane in turned[:2])
-        return w, v
+        w = float(cv2.sumElems(turned[0])[0])
+        return w, 0.0 if self._joint else float(cv2.sumElems(turned[1])[0])
 
     def score(self, sums: Floats, turned: tuple[float, float]) -> Residuals:
         """
@@ -153,7 +167,10 @@ class Scorer:
     def _judged(
         self, residual: Floats, correlation: Floats | None, weights: Floats | np.float32
     ) -> Residuals:
-        overlap = np.clip(weights / max(self._total, 1e-20), 0.0, 1.0)
-        if np.ndim(overlap) or overlap < self._min_overlap:
-            residual = np.where(overlap >= self._min_overlap, residual, np.float32(np.inf))
-        return Residuals(residual, correlation, np.broadcast_to(overlap, residual.shape))
+        overlap = np.minimum(weights / max(self._total, 1e-20), 1.0)
+        if not self.everywhere:
+            np.maximum(overlap, 0.0, out=overlap)
+            residual[overlap < self._min_overlap] = np.inf
+        elif overlap < self._min_overlap:
+            residual[...] = np.inf
+        return Residuals(residual, correlation, overlap)
