@@ -57,7 +57,7 @@ class Concern:
     name : str
         As in `<node>: <name>`.
     rules : tuple of Rule
-        All that it may say besides OK; the first that holds is said.
+        All that it may say besides OK, in the order in which those that hold are said.
     figures : dict
         Key → unit and meaning; an empty unit is a plain number.
 
@@ -127,10 +127,10 @@ PRIOR = Concern('prior', (
 })  # fmt: skip
 
 ODOMETRY = Concern('odometry', (
-    Rule('ODOMETRY_STALE', W, 'none has come for diagnostics.odometry_timeout; the last velocity '
-         'is held', withheld=False),
     Rule('ODOMETRY_REFUSED', W, 'it jumps, goes back in time, holds NaN or is of another frame '
          '(told for 10 s)', withheld=False),
+    Rule('ODOMETRY_STALE', W, 'none has come for diagnostics.odometry_timeout; the last velocity '
+         'is held', withheld=False),
 ), {
     'odometries': ('', 'messages that came'),
     'odometries_refused': ('', 'that could not be used'),

@@ -21,6 +21,7 @@ RECENT = 100
 """Frames over which times are summed up."""
 REWIND_S = 1.0
 """A stamp this much (s) before the last one tells that time itself went back."""
+AGES = {'image': 'image_age', 'odom': 'odometry_age', 'pose': 'pose_age'}
 COMPLAINTS = {'odom': 'ODOMETRY_REFUSED', 'initialpose': 'INITIALPOSE_REFUSED'}
 COUNTED = {
     'image': ('', 'images_refused'), 'camera_info': ('camera_infos', 'camera_infos_refused'),
@@ -31,23 +32,22 @@ COUNTED = {
 
 @dataclass(frozen=True)
 class Report:
-    """What is to be said of one concern: the rule that holds, or None, and the figures."""
+    """What is to be said of one concern: the rules that hold, first things first."""
 
     concern: Concern
-    rule: Rule | None
-    detail: str
+    rules: tuple[Rule, ...]
+    message: str
     figures: dict[str, str]
 
     @property
-    def level(self) -> Level:
-        """Of the rule; OK without one."""
-        return self.rule.level if self.rule is not None else Level.OK
+    def rule(self) -> Rule | None:
+        """The first that holds."""
+        return self.rules[0] if self.rules else None
 
     @property
-    def message(self) -> str:
-        """The rule's name and the detail."""
-        name = self.rule.name if self.rule is not None else 'OK'
-        return f'{name}: {self.detail}' if self.detail else name
+    def level(self) -> Level:
+        """The worst of the rules; OK without any."""
+        return max((rule.level for rule in self.rules), default=Level.OK)
 
 
 @dataclass
@@ -140,10 +140,11 @@ class Health:
         figures = self._figures()
         reports = []
         for concern in CONCERNS:
-            held = next((rule for rule in concern.rules if rule.name in active), None)
-            detail = active[held.name] if held is not None else self._well(concern.name)
+            held = tuple(rule for rule in concern.rules if rule.name in active)
+            said = [_said(rule.name, active[rule.name]) for rule in held]
+            message = '; '.join(said) or _said('OK', self._well(concern.name))
             own = {key: figures[key] for key in concern.figures if key in figures}
-            reports.append(Report(concern, held, detail, own))
+            reports.append(Report(concern, held, message, own))
         return reports
 
     def _active(self) -> dict[str, str]:
@@ -165,7 +166,8 @@ class Health:
 
     def _silences(self) -> dict[str, str]:
         limits, found = self.limits, {}
-        image_age, odom_age = self._age('image'), self._age('odom')
+        ages = self._ages()
+        image_age, odom_age = ages.get('image'), ages.get('odom')
         if image_age is None:
             found['NO_IMAGE_YET'] = 'is the camera on, is the topic remapped?'
         elif image_age > limits.camera_timeout:
@@ -181,9 +183,7 @@ class Health:
         return found
 
     def _stamp_faults(self) -> dict[str, str]:
-        if not self._stamps:
-            return {}
-        hint = 'are the clocks of camera and computer the same? with a bag set use_sim_time'
+        hint = 'do camera and computer share a clock? with a bag set use_sim_time'
         if self._delay > self.limits.max_delay:
             return {'LATE_FRAMES': f'{self._delay:.3f} s behind the clock; {hint}'}
         if -self._delay > self.limits.max_ahead:
@@ -208,8 +208,8 @@ class Health:
             return 'none has come; the last velocity is held'
         return ''
 
-    def _age(self, what: str) -> float | None:
-        return self.steady() - self._at[what] if what in self._at else None
+    def _ages(self) -> dict[str, float]:
+        return {what: self.steady() - at for what, at in self._at.items()}
 
     def _period_ms(self) -> float:
         """Return the time between images, ms; dropped ones make longer gaps, not shorter."""
@@ -226,9 +226,7 @@ class Health:
         if self.frames:
             figures['availability'] = f'{self.published / self.frames:.4f}'
             figures['image_delay'] = f'{self._delay:.4f}'
-        for what, key in (('image', 'image_age'), ('odom', 'odometry_age'), ('pose', 'pose_age')):
-            if what in self._at:
-                figures[key] = f'{self.steady() - self._at[what]:.3f}'
+        figures |= {AGES[what]: f'{age:.3f}' for what, age in self._ages().items()}
         if (period := self._period_ms()) > 0.0:
             figures['image_rate'] = f'{1e3 / period:.3g}'
         for topic, (came, refused) in COUNTED.items():
@@ -238,11 +236,14 @@ class Health:
         return figures | self._match_figures()
 
     def _match_figures(self) -> dict[str, str]:
-        figures = {}
-        if self._times_ms:
-            for percent in (50, 95):
-                figures[f'execution_time_p{percent}_ms'] = f'{self._percentile(percent):.2f}'
+        figures: dict[str, str] = {}
+        for percent in (50, 95) if self._times_ms else ():
+            figures[f'execution_time_p{percent}_ms'] = f'{self._percentile(percent):.2f}'
         if self.estimate is not None:
             figures |= {name: f'{value:.6g}' for name, value in self.estimate.quality.items()}
             figures |= {f'{name}_ms': f'{ms:.3f}' for name, ms in self.estimate.timings_ms.items()}
         return figures
+
+
+def _said(name: str, detail: str) -> str:
+    return f'{name}: {detail}' if detail else name

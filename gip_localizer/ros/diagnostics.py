@@ -69,7 +69,7 @@ class Diagnostics:
 
 def _rules(reports: Sequence[Report]) -> dict[str, str]:
     return {
-        report.concern.name: report.rule.name if report.rule is not None else ''
+        report.concern.name: ' '.join(rule.name for rule in report.rules)
         for report in reports
     }
 
