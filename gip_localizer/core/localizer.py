@@ -110,6 +110,8 @@ class Localizer:
         self._unconfirmed = 0
         self._search_map = False
         self._fresh_prior = True
+        if self._optics is not None:
+            self._optics.gain = 1.0
 
     def prepare(self, camera: CameraModel) -> None:
         """Precompute what a camera needs before its first frame, which tells what is wrong."""
