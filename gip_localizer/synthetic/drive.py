@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 import math
 
 import numpy as np
@@ -33,6 +33,8 @@ from gip_localizer.synthetic.worlds import (
     tiles_world,
     World,
 )
+
+_road_world = lru_cache(maxsize=1)(road_world)  # takes seconds, and is only read
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +162,7 @@ def make_world(ground: Ground) -> World:
     """Return the world that parameters ask for, as it was mapped (raises MapError)."""
     origin = Pose2(0.0, 0.0, ground.origin_yaw)
     if ground.name == 'road':
-        return road_world(seed=ground.seed, resolution=ground.resolution, origin=origin)
+        return _road_world(seed=ground.seed, resolution=ground.resolution, origin=origin)
     if ground.name == 'tiles':
         return tiles_world(
             seed=ground.seed, resolution=ground.resolution, origin=origin,
