@@ -9,7 +9,7 @@ READY = $(VENV)/.ready
 RESULTS = --out $(or $(OUT),results/$@) $(if $(OUT),,--force)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo replay paper params figures test lint type pytest clean
+.PHONY: help setup demo replay evaluate paper params figures test lint type pytest clean
 
 help: ## list the verbs
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
@@ -36,6 +36,10 @@ demo: $(READY) ## a camera, the node and a judge over DDS (WORLD= RATE= SECONDS=
 replay: $(READY) ## localize a recorded bag (BAG= METRIC= OUT=)
 	@test -n '$(BAG)' || { echo 'no bag below bags/; name one: make replay BAG=path'; exit 1; }
 	@$(GIP) replay $(BAG) $(if $(wildcard $(BAG)/params.yaml),--params $(BAG)/params.yaml) $(RESULTS) $(if $(METRIC),--metric $(METRIC))
+
+evaluate: $(READY) ## accuracy and honesty against bounds, under 10 minutes (SUITE= FRAMES= SEED= OUT=)
+	@$(GIP) evaluate $(RESULTS) $(if $(SUITE),--suite $(SUITE)) $(if $(FRAMES),--frames $(FRAMES)) \
+	  $(if $(SEED),--seed $(SEED))
 
 paper: $(READY) ## the numbers and figures of the paper (OUT=)
 	@$(GIP) paper $(RESULTS)

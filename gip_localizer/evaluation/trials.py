@@ -10,19 +10,24 @@ from dataclasses import field as dataclass_field
 
 import numpy as np
 
-from gip_localizer.core.arrays import Floats
+from gip_localizer.core.arrays import Floats, Grey
 from gip_localizer.core.estimate import Estimate
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.evaluation.conditions import Condition
+from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.evaluation.conditions import Setup
+from gip_localizer.evaluation.grounds import GROUNDS, noisy_map
 from gip_localizer.parameter_specs import Value
 from gip_localizer.parameters import Parameters
-from gip_localizer.synthetic.drive import SyntheticDrive
+from gip_localizer.synthetic.drive import SyntheticDrive, SyntheticFrame
+from gip_localizer.synthetic.motions import make_motion
 from gip_localizer.synthetic.scenarios import scenario_parameters
 
 FRAME_NS = 1_000_000_000
 WRONG_XY = 0.5  # m
 WRONG_YAW = np.radians(2.0)
+PLACES = 100_000  # frames of an endless drive that trials are drawn from
+ORIGIN = Pose2(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -32,6 +37,15 @@ class Spread:
     x: float = 0.5
     y: float = 0.5
     yaw: float = float(np.radians(3.0))
+
+    def offset(self, rng: np.random.Generator) -> Pose2:
+        """Draw an offset, evenly."""
+        return Pose2(*(rng.uniform(-1, 1, 3) * [self.x, self.y, self.yaw]).tolist())
+
+    @property
+    def covariance(self) -> Floats:
+        """Of the offsets, (3, 3)."""
+        return np.diag(np.array([self.x, self.y, self.yaw]) ** 2 / 3.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +64,7 @@ class Trial:
     covariance : (3, 3) float64 or None
         Of the error, in the same axes.
     fisher : (3, 3) float64 or None
-        Cramér-Rao bound of the error.
+        Cramér-Rao bound of the error, as the localizer estimates it.
     quality : dict
         The figures of the estimate.
     milliseconds : float
@@ -59,10 +73,10 @@ class Trial:
     """
 
     status: str
-    error: Floats | None
-    raw_error: Floats | None
-    covariance: Floats | None
-    fisher: Floats | None
+    error: Floats | None = None
+    raw_error: Floats | None = None
+    covariance: Floats | None = None
+    fisher: Floats | None = None
     quality: dict[str, float] = dataclass_field(default_factory=dict)
     milliseconds: float = 0.0
 
@@ -71,6 +85,13 @@ class Trial:
         """Whether a pose was published that is off by more than 0.5 m or 2 degrees."""
         return self.error is not None and is_wrong(self.error)
 
+    @property
+    def nees(self) -> float:
+        """Squared error of the published pose over its covariance; NaN without one."""
+        if self.error is None or self.covariance is None:
+            return float('nan')
+        return float(self.error @ np.linalg.solve(self.covariance, self.error))
+
 
 def is_wrong(error: Floats) -> bool:
     """Whether an error (ahead, left, yaw) is beyond 0.5 m or 2 degrees."""
@@ -78,21 +99,90 @@ def is_wrong(error: Floats) -> bool:
 
 
 def localizer_parameters(
-    condition: Condition, drive: SyntheticDrive, overrides: Mapping[str, Value]
+    setup: Setup, drive: SyntheticDrive, overrides: Mapping[str, Value]
 ) -> Parameters:
-    """Return the parameters of the localizer for a condition's camera."""
+    """Return the parameters of the localizer for a setup's camera."""
     held = drive.parameters.camera
     camera = {
         'camera.x': held.x, 'camera.y': held.y, 'camera.z': held.z, 'camera.roll': held.roll,
         'camera.pitch': held.pitch, 'camera.yaw': held.yaw, 'camera.rectified': held.rectified,
     }
-    return Parameters.from_dict(
-        {**camera, 'motion.fuse': False, **condition.localizer, **overrides}
+    return Parameters.from_dict({**camera, 'motion.fuse': False, **setup.localizer, **overrides})
+
+
+class Bench:
+    """
+    World, camera, map and localizer of a setup.
+
+    Parameters
+    ----------
+    setup : Setup
+        What is rendered and how it is localized.
+    seed : int
+        Of the world, the noise and the trials.
+    overrides : dict
+        Parameters of the localizer on top of the setup's.
+
+    """
+
+    def __init__(self, setup: Setup, seed: int, overrides: Mapping[str, Value]) -> None:
+        self.setup = setup
+        self.seed = seed
+        self.drive = SyntheticDrive(
+            scenario_parameters(setup.scenario, {'seed': seed, 'world.seed': seed, **setup.camera})
+        )
+        if setup.ground != 'as made':
+            self.drive.world = GROUNDS[setup.ground](self.drive.world)
+            self.drive.motion = make_motion(self.drive.parameters.drive, self.drive.world.lane)
+        self.raster_map: RasterMap = self.drive.raster_map
+        if setup.map_noise > 0.0:
+            self.raster_map = noisy_map(self.raster_map, setup.map_noise, seed)
+        self.parameters = localizer_parameters(setup, self.drive, overrides)
+        self._localizer: Localizer | None = None
+        self._stamp_ns = 0
+
+    def rng(self, index: int) -> np.random.Generator:
+        """Return the random numbers of a trial."""
+        return np.random.default_rng([self.seed, 90210, index])
+
+    def frame(self, rng: np.random.Generator) -> SyntheticFrame:
+        """Render a frame somewhere along the lane."""
+        places = min(PLACES, int(self.drive.motion.duration * self.drive.parameters.rate)
+                     if np.isfinite(self.drive.motion.duration) else PLACES)
+        return self.drive.frame(int(rng.integers(0, places)))
+
+    def localize(self, image: Grey, prior: Pose2, covariance: Floats) -> Estimate:
+        """Localize one frame from a fresh prior; nothing stays from the frames before."""
+        if self._localizer is None:
+            self._localizer = Localizer(self.raster_map, self.parameters)
+        self._stamp_ns += FRAME_NS
+        self._localizer.set_prior(self._stamp_ns, prior, covariance)
+        return self._localizer.update(self._stamp_ns, image, self.drive.camera)
+
+    def trial(self, index: int, spread: Spread) -> Trial:
+        """Render, start near the truth, localize and compare."""
+        rng = self.rng(index)
+        frame = self.frame(rng)
+        start = frame.truth @ spread.offset(rng)
+        return compared(self.localize(frame.image, start, spread.covariance), frame.truth)
+
+
+def compared(estimate: Estimate, truth: Pose2) -> Trial:
+    """Return what came of an estimate."""
+    fit = estimate.match.fit if estimate.match else None
+    error = raw = covariance = None
+    if fit is not None:
+        raw = difference(truth.inverse() @ fit.pose, ORIGIN)
+        if estimate.published:
+            error, covariance = raw, fit.covariance
+    return Trial(
+        str(estimate.status), error, raw, covariance, fit.fisher if fit else None,
+        estimate.quality, sum(estimate.timings_ms.values()),
     )
 
 
 def run_trials(
-    condition: Condition, indices: range, *, seed: int, spread: Spread | None = None,
+    setup: Setup, indices: range, *, seed: int, spread: Spread | None = None,
     overrides: Mapping[str, Value] | None = None,
 ) -> Iterator[Trial]:
     """
@@ -100,44 +190,18 @@ def run_trials(
 
     Parameters
     ----------
-    condition : Condition
+    setup : Setup
         What is rendered.
     indices : range
         Numbers of the trials.
     seed : int
-        Of places, starts and noise.
+        Of the world, places, starts and noise.
     spread : Spread, optional
         Of the starts.
     overrides : dict, optional
-        Parameters of the localizer on top of the condition's.
+        Parameters of the localizer on top of the setup's.
 
     """
-    spread = spread or Spread()
-    settings = scenario_parameters(condition.scenario, {**condition.camera, 'seed': seed})
-    drive = SyntheticDrive(settings)
-    localizer = Localizer(
-        drive.raster_map, localizer_parameters(condition, drive, overrides or {})
-    )
-    sigma = np.array([spread.x, spread.y, spread.yaw]) / np.sqrt(3.0)
+    bench = Bench(setup, seed, overrides or {})
     for index in indices:
-        rng = np.random.default_rng([seed, 90210, index])
-        frame = drive.frame(int(rng.integers(0, 100_000)))
-        offset = Pose2(*(rng.uniform(-1, 1, 3) * [spread.x, spread.y, spread.yaw]))
-        stamp = (index + 1) * FRAME_NS
-        localizer.set_prior(stamp, frame.truth @ offset, np.diag(sigma**2))
-        estimate = localizer.update(stamp, frame.image, drive.camera)
-        yield _trial(estimate, frame.truth)
-
-
-def _trial(estimate: Estimate, truth: Pose2) -> Trial:
-    fit = estimate.match.fit if estimate.match else None
-    origin = Pose2(0.0, 0.0, 0.0)
-    error = raw = covariance = None
-    if fit is not None:
-        raw = difference(truth.inverse() @ fit.pose, origin)
-        if estimate.published:
-            error, covariance = raw, fit.covariance
-    return Trial(
-        str(estimate.status), error, raw, covariance, fit.fisher if fit else None,
-        estimate.quality, sum(estimate.timings_ms.values()),
-    )
+        yield bench.trial(index, spread or Spread())

@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Suite `relocalize`: from nothing, on the whole map, until the localizer speaks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gip_localizer.core.localizer import Localizer
+from gip_localizer.core.odometry import OdometrySample
+from gip_localizer.evaluation.conditions import CLEAR, NIGHT, Setup
+from gip_localizer.evaluation.suites.suite import Bound, Cell, of_part, Record, Section, share
+from gip_localizer.evaluation.trials import Bench, compared, Trial
+
+START_NS = 1_000_000_000
+MOST_FRAMES = 8  # images that a try may take
+TRIES = 100
+SETUPS = (
+    replace(CLEAR, name='clear', localizer={'motion.fuse': True}),
+    replace(NIGHT, name='night', localizer={'motion.fuse': True}),
+    replace(CLEAR, name='paint alone', ground='poor', localizer={'motion.fuse': True}),
+)
+BOUNDED = 'clear'
+FOUND_AT_LEAST = 0.9
+
+
+class Relocalize:
+    """`~/relocalize` without a prior, then up to eight frames of a drive with odometry."""
+
+    name = 'relocalize'
+    title = 'Relocalization in a 60 x 40 m map from nothing'
+    columns = ('condition', 'tries', 'right', 'silent', 'wrong', 'largest error [mm]',
+               'frames until found', 'search [ms]')
+
+    @property
+    def setups(self) -> Mapping[str, Setup]:
+        """The conditions by name."""
+        return {setup.name: setup for setup in SETUPS}
+
+    def count(self, frames: int) -> int:
+        """Return the tries of each condition."""
+        return min(frames, TRIES)
+
+    def run(self, bench: Bench, part: str, index: int) -> list[Record]:
+        """Search, then follow until a pose is published or the frames are over."""
+        rng = bench.rng(index)
+        drive = bench.drive
+        first = int(rng.integers(0, 100_000))
+        origin = drive.truth(first).inverse()
+        localizer = Localizer(bench.raster_map, bench.parameters)
+        localizer.relocalize()
+        search_ms = 0.0
+        for count in range(MOST_FRAMES):
+            frame = drive.frame(first + count)
+            stamp = START_NS + frame.stamp_ns - drive.stamp_ns(first)
+            localizer.add_odometry(OdometrySample(
+                stamp, origin @ frame.truth, drive.parameters.drive.speed
+            ))
+            estimate = localizer.update(stamp, frame.image, drive.camera)
+            search_ms = max(search_ms, estimate.timings_ms.get('match', 0.0))
+            if estimate.published:
+                break
+        trial = compared(estimate, frame.truth)
+        return [Record(self.name, part, index, '', trial,
+                       {'frames': count + 1.0, 'search_ms': search_ms})]
+
+    def summarise(self, records: Sequence[Record]) -> Section:
+        """Return a row per condition."""
+        rows = [_row(s.name, of_part(records, s.name)) for s in SETUPS]
+        demands = []
+        for setup in SETUPS:
+            trials = [r.trial for r in of_part(records, setup.name)]
+            demands.append(Bound(setup.name, 'wrong poses', sum(t.wrong for t in trials), 0))
+            if setup.name == BOUNDED:
+                found = share(sum(_right(t) for t in trials), len(trials))
+                demands.append(
+                    Bound(setup.name, 'share found', found, FOUND_AT_LEAST, at_most=False)
+                )
+        return Section(self.name, self.title, self.columns, rows, demands, (
+            f'A try ends with the first pose, or silent after {MOST_FRAMES} frames at 10 Hz; the '
+            'first frame is searched for at every place and heading of the map.',
+        ))
+
+
+def _right(trial: Trial) -> bool:
+    return trial.error is not None and not trial.wrong
+
+
+def _row(name: str, records: Sequence[Record]) -> list[Cell]:
+    right = [r for r in records if _right(r.trial)]
+    errors = [float(np.hypot(*r.trial.error[:2])) for r in right if r.trial.error is not None]
+    return [
+        name, len(records), len(right), sum(r.trial.error is None for r in records),
+        sum(r.trial.wrong for r in records),
+        round(1e3 * max(errors), 1) if errors else float('nan'),
+        round(float(np.mean([r.figures['frames'] for r in right])), 1) if right else '-',
+        round(float(np.median([r.figures['search_ms'] for r in records]))) if records else '-',
+    ]

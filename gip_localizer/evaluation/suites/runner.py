@@ -1,0 +1,117 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""All trials of some suites, over processes; the same records whatever their number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import as_completed, Future, ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
+import multiprocessing
+import signal
+
+from gip_localizer.evaluation.suites.cramer_rao import CramerRao
+from gip_localizer.evaluation.suites.integrity import Integrity
+from gip_localizer.evaluation.suites.lane import Lane
+from gip_localizer.evaluation.suites.relocalize import Relocalize
+from gip_localizer.evaluation.suites.single_frame import SingleFrame
+from gip_localizer.evaluation.suites.suite import Record, Suite
+from gip_localizer.evaluation.suites.wide_start import WideStart
+from gip_localizer.evaluation.trials import Bench
+from gip_localizer.parameter_specs import Value
+
+SUITES: dict[str, Suite] = {
+    suite.name: suite
+    for suite in (SingleFrame(), Integrity(), WideStart(), CramerRao(), Relocalize(), Lane())
+}
+CHUNK = 10  # trials of a job
+
+
+@dataclass(frozen=True)
+class Job:
+    """Some trials of one part."""
+
+    suite: str
+    part: str
+    first: int
+    count: int
+    seed: int
+    overrides: tuple[tuple[str, Value], ...]
+
+
+def jobs(
+    suites: Sequence[str], *, frames: int, seed: int, overrides: Mapping[str, Value]
+) -> list[Job]:
+    """Return the jobs of some suites, part by part."""
+    fixed = tuple(sorted(overrides.items()))
+    return [
+        Job(name, part, first, min(CHUNK, SUITES[name].count(frames) - first), seed, fixed)
+        for name in suites for part in SUITES[name].setups
+        for first in range(0, SUITES[name].count(frames), CHUNK)
+    ]
+
+
+@lru_cache(maxsize=1)
+def _bench(suite: str, part: str, seed: int, overrides: tuple[tuple[str, Value], ...]) -> Bench:
+    return Bench(SUITES[suite].setups[part], seed, dict(overrides))
+
+
+def do(job: Job) -> list[Record]:
+    """Do a job's trials."""
+    bench = _bench(job.suite, job.part, job.seed, job.overrides)
+    return [
+        record for index in range(job.first, job.first + job.count)
+        for record in SUITES[job.suite].run(bench, job.part, index)
+    ]
+
+
+def run_all(
+    work: Sequence[Job], *, processes: int, done: Callable[[Job], object]
+) -> list[Record]:
+    """
+    Do all jobs.
+
+    Parameters
+    ----------
+    work : sequence of Job
+        Of `jobs`.
+    processes : int
+        1: in this process.
+    done : callable
+        Told of every finished job.
+
+    Returns
+    -------
+    list of Record
+        In the order of the jobs.
+
+    """
+    found: dict[Job, list[Record]] = {}
+    if processes == 1:
+        for job in work:
+            found[job] = do(job)
+            done(job)
+    else:
+        _spread(work, processes, done, found)
+    return [record for job in work for record in found[job]]
+
+
+def _spread(
+    work: Sequence[Job], processes: int, done: Callable[[Job], object],
+    found: dict[Job, list[Record]],
+) -> None:
+    context = multiprocessing.get_context('spawn')
+    pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_deaf)
+    try:
+        waiting: dict[Future[list[Record]], Job] = {pool.submit(do, job): job for job in work}
+        for future in as_completed(waiting):
+            found[waiting[future]] = future.result()
+            done(waiting[future])
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _deaf() -> None:
+    """Leave Ctrl-C to the parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
