@@ -19,6 +19,7 @@ from scipy import sparse
 
 from gip_localizer.core.arrays import Bools, Floats, Grey
 from gip_localizer.core.camera import CameraModel
+from gip_localizer.core.footprint_means import FootprintMeans
 from gip_localizer.core.footprints import (
     footprint_areas,
     Grid,
@@ -89,7 +90,8 @@ class Rectifier:
         self.valid: Bools = valid & (sums > 0.0).reshape(valid.shape)
         self.footprint = np.where(self.valid, areas, 0.0).astype(np.float32)
         inverse = np.divide(1.0, sums, out=np.zeros_like(sums), where=sums > 0.0)
-        self._mean = sparse.diags(inverse.astype(np.float32)) @ self._overlap
+        self._mean = (sparse.diags(inverse.astype(np.float32)) @ self._overlap).tocsr()
+        self._means = FootprintMeans(self._mean, self._box.width)
 
     def rectify(self, image: Grey) -> View:
         """
@@ -107,10 +109,26 @@ class Rectifier:
 
         """
         part = image[self._box.slices]
-        scale = np.float32(1.0 / FULL_SCALE.get(image.dtype, 1.0))
-        patch = self._mean @ part.astype(np.float32).ravel()
-        patch = (patch * scale).reshape(self.grid.shape).astype(np.float32)
-        return View(patch, self.footprint, self.valid, self.grid)
+        patch = self._means.of(part, 1.0 / FULL_SCALE.get(image.dtype, 1.0))
+        return View(patch.reshape(self.grid.shape), self.footprint, self.valid, self.grid)
+
+    @cached_property
+    def centroids(self) -> Floats:
+        """
+        Centroids (rows * cols, 2) of the pixels on each cell, metres in base.
+
+        The near side of a cell covers more pixels than its far side, so that its mean is that
+        of a point nearer than its middle: by r²/12 times the gradient of the footprint's
+        logarithm.
+
+        """
+        area = np.where(self.valid, self.footprint, np.nan).astype(np.float64)
+        step = self.grid.resolution
+        with np.errstate(invalid='ignore'):
+            down, right = np.gradient(np.log(area), step)
+        # rows run towards -x, columns towards -y
+        shift = np.nan_to_num(np.stack([-down, -right], axis=-1)) * step**2 / 12.0
+        return self.grid.points() + np.clip(shift, -0.25 * step, 0.25 * step).reshape(-1, 2)
 
     def unmasked(self, mask: Grey) -> Floats:
         """

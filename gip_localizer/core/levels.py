@@ -52,32 +52,6 @@ def coarsened(view: View, weight: Floats, factor: int) -> tuple[View, Floats]:
     return View(patch, joined(view.footprint), total > 0.0, larger), total
 
 
-def smoothed(view: View, weight: Floats, sigma: float) -> Floats:
-    """
-    Smooth the view's patch with a Gaussian, weighted, inside its valid cells.
-
-    Parameters
-    ----------
-    view : View
-        The view.
-    weight : (rows, cols) float32
-        Weights of the cells.
-    sigma : float
-        Standard deviation, metres.
-
-    Returns
-    -------
-    (rows, cols) float32
-        Zero where the weight is 0.
-
-    """
-    cells = sigma / view.grid.resolution
-    known = (weight > 0.0).astype(np.float32)
-    total = cv2.GaussianBlur(known, (0, 0), cells)
-    mean = cv2.GaussianBlur(known * view.patch, (0, 0), cells)
-    return np.asarray(np.where(weight > 0.0, mean / np.maximum(total, np.float32(1e-20)), 0.0))
-
-
 def locally_centred(values: Floats, weight: Floats, resolution: float) -> Floats:
     """
     Take the local mean out and clip what sticks out.

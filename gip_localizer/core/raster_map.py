@@ -157,21 +157,9 @@ class RasterMap:
         origin = Pose2(float(corner[0]), float(corner[1]), self.origin.yaw)
         return RasterMap(values, resolution, origin, valid)
 
-    def smoothed(self, cell: float, sigma: float = 0.0) -> RasterMap:
-        """
-        Return the map (float32) smoothed for a comparison, at its own resolution.
-
-        Parameters
-        ----------
-        cell : float
-            Side of the cells it is compared with, metres.
-        sigma : float
-            Standard deviation of a Gaussian (m) that those were smoothed with.
-
-        """
-        values, valid = _smoothed(
-            self.grey, self.valid, cell / self.resolution, sigma / self.resolution
-        )
+    def smoothed(self, cell: float) -> RasterMap:
+        """Return the map (float32) smoothed for a cell size in metres, at its own resolution."""
+        values, valid = _smoothed(self.grey, self.valid, cell / self.resolution)
         return RasterMap(values, self.resolution, self.origin, valid)
 
     def sample(self, xy_map: Floats) -> tuple[Floats, Bools]:
@@ -275,18 +263,11 @@ def _joined(values: Floats, valid: Bools | None, step: int) -> tuple[Floats, Boo
     return joined, share > 0.999
 
 
-def _smoothed(
-    values: Floats, valid: Bools | None, ratio: float, extra: float = 0.0
-) -> tuple[Floats, Bools | None]:
-    """
-    Smooth so that bilinear sampling has the second moment of a box of `ratio` cells.
-
-    `extra` is the standard deviation (cells) of a Gaussian on top.
-
-    """
-    sigma = math.sqrt(max(ratio**2 - 1.0, 0.0) / 12.0 + extra**2)
-    if sigma < 0.1:
+def _smoothed(values: Floats, valid: Bools | None, ratio: float) -> tuple[Floats, Bools | None]:
+    """Smooth so that bilinear sampling has the second moment of a box of `ratio` cells."""
+    if ratio <= 1.05:
         return values, valid
+    sigma = math.sqrt((ratio**2 - 1.0) / 12.0)
     if valid is None:
         return cv2.GaussianBlur(values, (0, 0), sigma).astype(np.float32), None
     share = cv2.GaussianBlur(valid.astype(np.float32), (0, 0), sigma)

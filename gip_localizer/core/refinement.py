@@ -26,7 +26,7 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import Rectifier, View
 from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.camera_sway import CameraSway
-from gip_localizer.core.levels import coarsened, smoothed
+from gip_localizer.core.levels import coarsened
 from gip_localizer.core.linearised import (
     agreeing,
     block_sums,
@@ -52,8 +52,7 @@ OUTLIER_SCALE = 3.0  # residuals beyond this many standard deviations lose their
 BLOCK_SIDES = (1.0, 0.5)  # m ahead, m left: residuals count as correlated within such blocks
 PATTERN_SIDES = (1.0, 1.0)  # m: blocks that agree with the map, or do not
 LEAST_BLOCKS = 10  # along each axis
-SMOOTHING = 0.5  # of a cell: view and map are smoothed alike, which unlocks poses from cells
-LOCKING = 0.004  # of a map cell: what sampling between cell centres may still shift a pose
+LOCKING = 0.005  # of a map cell: what sampling between cell centres may still shift a pose
 STAGE_SHARE = 0.05  # of the squared change since the coarser stage that counts as variance
 MIN_GAIN = 0.02
 OPTICAL_TERMS = 5
@@ -155,7 +154,8 @@ class _Stage:
         view, _ = coarsened(blank, weight, factor)
         self.resolution = view.grid.resolution
         self.index = np.flatnonzero(view.valid)
-        self.sway = CameraSway(rectifier.camera, view.grid.points()[self.index])
+        points = view.grid.points() if factor > 1 else rectifier.centroids
+        self.sway = CameraSway(rectifier.camera, points[self.index])
         self.blocks = block_sums(self.sway.points, PATTERN_SIDES)
         self.optical = _optical_basis(rectifier.camera, self.sway.points)
         self.blur: sparse.csr_matrix | None = rectifier.pixel_blur if factor == 1 else None
@@ -247,11 +247,10 @@ class Refiner:
             coarser = state.pose
             state.agreeing = None
             joined, weights = coarsened(view, weight, stage.factor)
-            sigma = SMOOTHING * max(raster_map.resolution, stage.resolution)
-            seen = smoothed(joined, weights, sigma).ravel()[stage.index]
+            seen = joined.patch.ravel()[stage.index]
             problem, small = self._descend(
                 stage, seen, weights.ravel()[stage.index],
-                raster_map.smoothed(stage.resolution, sigma), state,
+                raster_map.smoothed(stage.resolution), state,
             )
             if self._normalized and stage.factor > 1:
                 state.shading += shading(seen, problem.predicted, problem.weights, stage.optical)
