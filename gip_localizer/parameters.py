@@ -170,6 +170,9 @@ class Parameters(ParameterGroup):
     """All parameters of the node `localizer`."""
 
     map_file: str = p('', 'Map: a nav2 map_server YAML file.', read_only=True)
+    mask_file: str = p(
+        '', 'Image of the camera\'s size, black where it sees its own vehicle.', read_only=True
+    )
     image_transport: str = p(
         'raw', 'Which image topic is read: image, or image/compressed.',
         choices=('raw', 'compressed'), read_only=True,

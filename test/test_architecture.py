@@ -20,7 +20,9 @@ MAY_IMPORT = {
     **{layer: MIDDLE | {'core'} | LOWEST for layer in MIDDLE},
     **{top: {'cli', 'ros', 'core'} | MIDDLE | LOWEST for top in ('cli', 'ros')},
 }
-ROS_PACKAGES = {'rclpy', 'ament_index_python', 'rcl_interfaces', 'tf2_ros', 'tf2_msgs', 'lifecycle_msgs'}
+ROS_PACKAGES = {
+    'rclpy', 'ament_index_python', 'rcl_interfaces', 'tf2_ros', 'tf2_msgs', 'lifecycle_msgs',
+}
 CORE_PACKAGES = {'numpy', 'scipy', 'cv2', 'gip_localizer'}
 
 

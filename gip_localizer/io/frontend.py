@@ -24,6 +24,7 @@ from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import CalibrationError, GipError, ImageError
 from gip_localizer.io import messages
 from gip_localizer.io.images import compressed_grey_image, grey_image
+from gip_localizer.io.map_files import load_mask
 from gip_localizer.parameters import Parameters
 
 SIZE_SLACK = 1  # px by which an image may differ from its calibration (rounding of binning)
@@ -39,6 +40,11 @@ class Frontend:
         The map.
     parameters : Parameters
         All tunables.
+
+    Raises
+    ------
+    MapError
+        `mask_file` is named and cannot be read.
 
     Attributes
     ----------
@@ -58,6 +64,7 @@ class Frontend:
         self._calibration: Calibration | None = None
         self._info_raw: tuple[object, ...] | None = None
         self._camera: CameraModel | None = None
+        self._mask = load_mask(parameters.mask_file) if parameters.mask_file else None
 
     @property
     def parameters(self) -> Parameters:
@@ -78,6 +85,7 @@ class Frontend:
         self._count('camera_info')
         raw = _fingerprint(message)
         if raw == self._info_raw:
+            self.complaints.pop('camera_info', None)
             return
         try:
             self._calibration = messages.calibration(message)
@@ -153,13 +161,23 @@ class Frontend:
         try:
             image = decode(message)
             camera = self._camera_for(image)
+            mask = self._mask_for(image)
         except ImageError as error:
             self._refuse('image')
             return Estimate(stamp, Status.BAD_IMAGE, str(error))
         except CalibrationError as error:
             self._refuse('image')
             return Estimate(stamp, Status.NO_CALIBRATION, str(error))
-        return self.localizer.update(stamp, image, camera)
+        return self.localizer.update(stamp, image, camera, mask=mask)
+
+    def _mask_for(self, image: Grey) -> Grey | None:
+        if self._mask is not None and self._mask.shape != image.shape:
+            (rows, cols), (height, width) = self._mask.shape, image.shape
+            raise ImageError(
+                f'mask_file is {cols}x{rows}, the image {width}x{height}; '
+                'draw the mask on an image of this camera'
+            )
+        return self._mask
 
     def _calibrated_camera(self) -> CameraModel:
         if self._camera is None:

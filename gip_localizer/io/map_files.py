@@ -65,6 +65,35 @@ def load_map(path: Path | str) -> RasterMap:
     return RasterMap(grey, resolution, Pose2(x, y, yaw), valid)
 
 
+def load_mask(path: Path | str) -> Grey:
+    """
+    Read the picture of what the camera always sees of its own vehicle.
+
+    Parameters
+    ----------
+    path : Path or str
+        An 8 bit image of the camera's size: white is looked at, black is not.
+
+    Returns
+    -------
+    (height, width) uint8
+        Pixels below 128 are masked.
+
+    Raises
+    ------
+    MapError
+        Missing, unreadable, or not 8 bit.
+
+    """
+    try:
+        grey, _ = _read_image(Path(path), Path(path))
+    except MapError as error:
+        raise MapError(f'mask_file: {error}') from None
+    if grey.dtype != np.uint8:
+        raise MapError(f'mask {path}: has 16 bits a pixel; expected 8')
+    return np.ascontiguousarray(grey)
+
+
 def save_map(raster_map: RasterMap, path: Path | str, *, force: bool = False) -> None:
     """
     Write a map as YAML and a PNG of the same name beside it.
