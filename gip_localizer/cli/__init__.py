@@ -14,11 +14,20 @@ from collections.abc import Sequence
 import sys
 
 from gip_localizer import __version__
-from gip_localizer.cli import compare, demo, evaluate, paper, params, replay, simulate
+from gip_localizer.cli import (
+    check_calibration,
+    compare,
+    demo,
+    evaluate,
+    paper,
+    params,
+    replay,
+    simulate,
+)
 from gip_localizer.core.threads import use_one_blas_thread
 from gip_localizer.errors import GipError
 
-VERBS = (demo, simulate, replay, compare, evaluate, paper, params)
+VERBS = (demo, simulate, replay, compare, evaluate, check_calibration, paper, params)
 INTERRUPTED = 130
 
 use_one_blas_thread()  # read when NumPy is loaded, which only the verbs do

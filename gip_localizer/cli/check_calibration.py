@@ -1,0 +1,83 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""`gip check-calibration`: whether lane lines come out parallel."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+import sys
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gip_localizer.evaluation.calibration_check import CalibrationCheck
+
+BOUND = math.radians(0.5)
+"""A pitch that is off by more fails the check."""
+LEAST_FRAMES = 3
+
+
+def add_parser(verbs: Any) -> None:
+    """Add the verb to the parser of `gip`."""
+    parser = verbs.add_parser(
+        'check-calibration',
+        help='draw the road over a frame, measure whether lane lines are parallel',
+    )
+    parser.add_argument('bag', type=Path, nargs='+', metavar='BAG',
+                        help='with a straight stretch between lane lines')
+    parser.add_argument('--params', type=Path, metavar='FILE',
+                        help='ROS parameter YAML (default: params.yaml beside the bag, if there)')
+    parser.add_argument('--set', action='append', default=[], dest='settings',
+                        metavar='NAME=VALUE', help='one parameter, e.g. camera.pitch=0.26')
+    parser.add_argument('--frames', type=int, default=40, help='frames to look at (default: 40)')
+    parser.add_argument('--image-topic', metavar='TOPIC')
+    parser.add_argument('--camera-info-topic', metavar='TOPIC')
+    parser.add_argument('--out', type=Path, default=Path('results/calibration.png'),
+                        help='picture to write (default: %(default)s)')
+    parser.add_argument('--force', action='store_true', help='replace the picture')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure, draw, and tell the pitch that the lines ask for."""
+    from gip_localizer.cli.settings import parse_settings
+    from gip_localizer.errors import OutputError
+    from gip_localizer.evaluation.calibration_check import check_calibration, check_figure
+    from gip_localizer.io.bag_topics import choose_topics, TopicNames
+    from gip_localizer.io.bags import Bag
+    from gip_localizer.parameters import load_parameter_file, Parameters
+
+    if args.out.exists() and not args.force:
+        raise OutputError(f'{args.out} exists; name another with --out, or give --force')
+    beside = (args.bag[0] if args.bag[0].is_dir() else args.bag[0].parent) / 'params.yaml'
+    path = args.params or (beside if beside.is_file() else None)
+    parameters = load_parameter_file(path) if path else Parameters()
+    parameters = parameters.replace(parse_settings(args.settings, Parameters))
+    bag = Bag(args.bag)
+    topics = choose_topics(bag, TopicNames(args.image_topic, args.camera_info_topic))
+    check = check_calibration(bag, topics, parameters, max(args.frames, 1))
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    check_figure(check).savefig(args.out, dpi=110)
+    return _tell(check, parameters.camera.pitch, args.out)
+
+
+def _tell(check: CalibrationCheck, pitch: float, out: Path) -> int:
+    found = len(check.excesses)
+    print(f'{"frames":28}{check.frames:>10}')
+    print(f'{"with two straight lines":28}{found:>10}')
+    if found < LEAST_FRAMES:
+        print(f'picture: {out}')
+        print('gip: too few frames show two straight lane lines at least 2 m apart; choose a '
+              'straight stretch, or widen birdseye.half_width', file=sys.stderr)
+        return 1
+    excess, error = check.excess, check.error
+    print(f'{"camera.pitch too large by":28}{math.degrees(excess):>10.3f}  deg '
+          f'(standard error {math.degrees(error):.3f})')
+    print(f'{"lines ask for camera.pitch":28}{pitch - excess:>10.5f}  rad')
+    print(f'picture: {out}')
+    if abs(excess) > BOUND + 2.0 * error:
+        print('gip: the lane lines are not parallel: correct camera.pitch (or camera.z and the '
+              'lens, if the grid in the picture does not fit either)', file=sys.stderr)
+        return 1
+    return 0
