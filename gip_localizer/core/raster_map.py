@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+import mmap
+from typing import Any
 
 import cv2
 import numpy as np
@@ -68,6 +70,15 @@ class RasterMap:
             raise MapError(
                 f'map mask has shape {self.valid.shape}, the map {self.grey.shape}'
             )
+
+    def release(self) -> None:
+        """Give back the memory of what was looked at, where the map is mapped from disk."""
+        for array in (self.grey, self.valid):
+            pages: Any = array
+            while isinstance(pages, (np.ndarray, memoryview)):
+                pages = pages.base if isinstance(pages, np.ndarray) else pages.obj
+            if isinstance(pages, mmap.mmap) and hasattr(mmap, 'MADV_DONTNEED'):
+                pages.madvise(mmap.MADV_DONTNEED)
 
     @property
     def size_m(self) -> tuple[float, float]:

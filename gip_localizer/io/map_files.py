@@ -21,6 +21,7 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap, WHITE
 from gip_localizer.errors import MapError, OutputError
 from gip_localizer.io.images import is_truncated_jpeg
+from gip_localizer.io.map_store import Cells, stored_cells
 
 REQUIRED = ('image', 'resolution', 'origin')
 
@@ -37,7 +38,8 @@ def load_map(path: Path | str) -> RasterMap:
     Returns
     -------
     RasterMap
-        At the image's full depth; inverted when `negate` is 1.
+        At the image's full depth; inverted when `negate` is 1. Large maps are read-only, and
+        mapped from disk (`map_store`).
 
     Raises
     ------
@@ -59,9 +61,15 @@ def load_map(path: Path | str) -> RasterMap:
         raise MapError(f'map {path}: negate is {negate!r}; expected 0 or 1')
     if not isinstance(settings['image'], str):
         raise MapError(f'map {path}: image is {settings["image"]!r}; expected a file name')
-    grey, valid = _read_image(path, path.parent / settings['image'])
-    if negate:
-        grey = (WHITE[grey.dtype] - grey).astype(grey.dtype)
+    image = path.parent / settings['image']
+    if not image.is_file():
+        raise MapError(f'map {path}: its image {image} does not exist')
+
+    def decode() -> Cells:
+        grey, valid = _read_image(path, image)
+        return (WHITE[grey.dtype] - grey).astype(grey.dtype) if negate else grey, valid
+
+    grey, valid = stored_cells(image, 'negated' if negate else 'as-is', decode)
     return RasterMap(grey, resolution, Pose2(x, y, yaw), valid)
 
 

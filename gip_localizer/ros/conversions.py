@@ -32,6 +32,8 @@ UNOBSERVED = 1.0
 """Variance of z (m²), roll and pitch (rad²): not estimated, the road is taken for flat."""
 MAX_GRID_CELLS = 4_000_000
 """A larger map is shown with coarser cells in RViz."""
+STRIP_ROWS = 64
+"""Of such cells, made at a time."""
 NO_DATA = -1
 
 
@@ -169,13 +171,25 @@ def _occupancy(raster_map: RasterMap, factor: int) -> NDArray[np.int8]:
     rows, cols = (max(size // factor, 1) for size in raster_map.grey.shape)
     # The origin is the lower-left corner: what does not fill a cell is cut at the top and right.
     top = max(raster_map.grey.shape[0] - rows * factor, 0)
-    part = (slice(top, None), slice(0, cols * factor))
-    grey = raster_map.grey[part].astype(np.float32) / WHITE[raster_map.grey.dtype]
-    known = np.ones(grey.shape, np.float32)
-    if raster_map.valid is not None:
-        known = raster_map.valid[part].astype(np.float32)
-    if factor > 1:
-        grey = cv2.resize(grey, (cols, rows), interpolation=cv2.INTER_AREA)
-        known = cv2.resize(known, (cols, rows), interpolation=cv2.INTER_AREA)
+    cells = np.empty((rows, cols), np.int8)
+    for start in range(0, rows, STRIP_ROWS):  # a large map is never held as floats
+        strip = slice(start, min(start + STRIP_ROWS, rows))
+        part = (slice(top + strip.start * factor, top + strip.stop * factor),
+                slice(0, cols * factor))
+        valid = None if raster_map.valid is None else raster_map.valid[part]
+        grey = raster_map.grey[part].astype(np.float32) / WHITE[raster_map.grey.dtype]
+        cells[strip] = _occupancy_of(grey, valid, (cols, strip.stop - strip.start))
+    raster_map.release()
+    return cells
+
+
+def _occupancy_of(
+    grey: NDArray[np.float32], valid: NDArray[np.bool_] | None, size: tuple[int, int]
+) -> NDArray[np.int8]:
+    """Return the occupancy of a part of the map, joined into `size` columns and rows."""
+    known = np.ones(grey.shape, np.float32) if valid is None else valid.astype(np.float32)
+    if grey.shape != size[::-1]:
+        grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+        known = cv2.resize(known, size, interpolation=cv2.INTER_AREA)
     occupancy = np.round(100.0 * (1.0 - np.clip(grey, 0.0, 1.0)))
     return np.where(known > 0.5, occupancy, NO_DATA).astype(np.int8)
