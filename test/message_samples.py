@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gip_localizer.core.camera import Calibration
+from gip_localizer.core.calibration import Calibration
 from gip_localizer.core.pose import Pose2
 from gip_localizer.io.bag_writer import make, make_header, make_pose
 

@@ -15,7 +15,8 @@ import pytest
 from ros_support import GRAPH, Tester
 from sensor_msgs.msg import CameraInfo
 
-from gip_localizer.core.camera import Calibration, CameraModel, Extrinsics
+from gip_localizer.core.calibration import Calibration
+from gip_localizer.core.camera import CameraModel, Extrinsics
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.io.map_files import save_map

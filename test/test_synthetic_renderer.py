@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from gip_localizer.core.camera import Calibration, CameraModel, Extrinsics
+from gip_localizer.core.calibration import Calibration
+from gip_localizer.core.camera import CameraModel, Extrinsics
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import MapError

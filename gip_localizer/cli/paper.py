@@ -65,8 +65,9 @@ def run(args: argparse.Namespace) -> int:
     """Compute, write and print."""
     from gip_localizer.evaluation.paper.curves import compute_curves
     from gip_localizer.evaluation.paper.geometry import PaperCamera
-    from gip_localizer.evaluation.paper.output import check_folder, results_folder
+    from gip_localizer.evaluation.paper.output import CURVES_FILE
     from gip_localizer.evaluation.paper.summary import curve_rows, format_rows
+    from gip_localizer.io.output_folder import check_folder, fresh_folder
 
     given = {name: getattr(args, name) for name, _ in CAMERA_OPTIONS.values()}
     camera = PaperCamera(**{name: value for name, value in given.items() if value is not None})
@@ -74,9 +75,9 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError('--full tests the paper\'s own camera; leave out the camera options')
     if args.trials < 1:
         raise ParameterError(f'trials is {args.trials}; give --trials 1 or more')
-    check_folder(args.out, args.force)
+    check_folder(args.out, force=args.force, mark=CURVES_FILE)
     curves = compute_curves(camera, args.samples, args.seed, _bar('sampling', 'amplitude'))
-    with results_folder(args.out, args.force) as folder:
+    with fresh_folder(args.out, force=args.force, mark=CURVES_FILE) as folder:
         _write_curves(folder, curves)
         rows = curve_rows(curves)
         if args.full:

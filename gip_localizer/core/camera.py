@@ -11,118 +11,18 @@ integer coordinates, as in OpenCV.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
 import numpy as np
 
 from gip_localizer.core.arrays import Bools, Floats
-from gip_localizer.errors import CalibrationError
+from gip_localizer.core.calibration import Calibration, check_matrix, FISHEYE_MODELS
 
-PINHOLE_MODELS = {'plumb_bob': (4, 5), 'rational_polynomial': (8, 12, 14)}
-FISHEYE_MODELS = ('equidistant', 'fisheye')
 OPTICAL_FROM_BODY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 HORIZON_MARGIN = 1e-3  # least depression of a ray, rad: beyond about 1000 camera heights is sky
 FOLD_RAYS = np.linspace(0.0, 10.0, 4001)  # radii at which a lens model is checked for folding
-
-
-@dataclass(frozen=True, eq=False)
-class Calibration:
-    """
-    The numbers of a CameraInfo.
-
-    Attributes
-    ----------
-    width, height : int
-        Size of the calibrated (full) image, pixels.
-    K : (3, 3) float64
-        Intrinsics of the raw image.
-    D : (n,) float64
-        Distortion; empty for none.
-    P : (3, 3) float64
-        Left part of the projection of the rectified image; zeros when absent.
-    model : str
-        plumb_bob, rational_polynomial or equidistant.
-    R : (3, 3) float64
-        Rectification rotation, applied only to rectified images.
-    binning : (2,) int
-        Pixels joined in x and in y.
-    roi : (4,) int
-        x, y, width, height of the delivered part of the full image; zero size: all of it.
-
-    Raises
-    ------
-    CalibrationError
-        Sizes, numbers or the model name are unusable.
-
-    """
-
-    width: int
-    height: int
-    K: Floats
-    D: Floats = field(default_factory=lambda: np.zeros(0))
-    P: Floats = field(default_factory=lambda: np.zeros((3, 3)))
-    model: str = 'plumb_bob'
-    R: Floats = field(default_factory=lambda: np.eye(3))
-    binning: tuple[int, int] = (1, 1)
-    roi: tuple[int, int, int, int] = (0, 0, 0, 0)
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be a calibration."""
-        for name, values in (('K', self.K), ('D', self.D), ('P', self.P), ('R', self.R)):
-            if not np.all(np.isfinite(values)):
-                raise CalibrationError(f'CameraInfo {name} holds NaN or infinity; recalibrate')
-        if self.width < 1 or self.height < 1:
-            raise CalibrationError(
-                f'CameraInfo size is {self.width}x{self.height}; expected the calibrated size'
-            )
-        _check_matrix('K', self.K)
-        self._check_model()
-        x, y, width, height = self.roi
-        if min(x, y, width, height) < 0 or x + width > self.width or y + height > self.height:
-            raise CalibrationError(
-                f'CameraInfo roi {self.roi} leaves the image of {self.width}x{self.height}'
-            )
-
-    def _check_model(self) -> None:
-        if self.D.size == 0 or not np.any(self.D):
-            return
-        if self.model in FISHEYE_MODELS:
-            allowed: tuple[int, ...] = (4,)
-        elif self.model in PINHOLE_MODELS:
-            allowed = PINHOLE_MODELS[self.model]
-        else:
-            raise CalibrationError(
-                f'CameraInfo distortion_model {self.model!r} is unknown; expected '
-                'plumb_bob, rational_polynomial or equidistant'
-            )
-        if self.D.size not in allowed:
-            raise CalibrationError(
-                f'CameraInfo D has {self.D.size} numbers; {self.model} takes '
-                f'{" or ".join(map(str, allowed))}'
-            )
-
-    def key(self) -> tuple[object, ...]:
-        """Return a hashable value that is equal for equal calibrations."""
-        return (
-            self.width, self.height, self.K.tobytes(), self.D.tobytes(), self.P.tobytes(),
-            self.model, self.R.tobytes(), self.binning, self.roi,
-        )
-
-    @property
-    def image_size(self) -> tuple[int, int]:
-        """Width and height of the delivered image, after ROI and binning."""
-        width, height = self.roi[2] or self.width, self.roi[3] or self.height
-        return width // self.binning[0], height // self.binning[1]
-
-
-def _check_matrix(name: str, matrix: Floats) -> None:
-    if matrix[0, 0] <= 0.0 or matrix[1, 1] <= 0.0 or matrix[2, 2] == 0.0:
-        raise CalibrationError(
-            f'CameraInfo {name} has focal lengths {matrix[0, 0]:g} and {matrix[1, 1]:g}: '
-            'the camera is not calibrated; publish a calibrated CameraInfo'
-        )
 
 
 @dataclass(frozen=True)
@@ -185,7 +85,7 @@ class CameraModel:
         self.extrinsics = extrinsics
         self.rectified = rectified
         if rectified:
-            _check_matrix('P', calibration.P)
+            check_matrix('P', calibration.P)
         intrinsics = calibration.P if rectified else calibration.K
         self.K = _delivered_intrinsics(intrinsics, calibration)
         self.D = np.zeros(0) if rectified or not np.any(calibration.D) else calibration.D

@@ -9,9 +9,9 @@ from enum import Enum
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import View
+from gip_localizer.core.fit import Fit
 from gip_localizer.core.matching import Scores
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.refinement import Fit
 
 
 class Status(str, Enum):

@@ -19,9 +19,9 @@ import math
 import numpy as np
 
 from gip_localizer.core.estimate import Match, Status
+from gip_localizer.core.fit import Fit
 from gip_localizer.core.pose import difference
 from gip_localizer.core.posterior import contrast
-from gip_localizer.core.refinement import Fit
 from gip_localizer.core.search import Found
 from gip_localizer.core.tracker import Belief
 from gip_localizer.parameters import Parameters

@@ -21,6 +21,7 @@ from gip_localizer.core.arrays import Floats, Grey
 from gip_localizer.core.birdseye import View
 from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.estimate import Estimate, Match, Status
+from gip_localizer.core.fit import Fit
 from gip_localizer.core.gramian import estimate_pixel_noise, gramian
 from gip_localizer.core.integrity import judge, Verdict
 from gip_localizer.core.odometry import OdometrySample, REWIND_NS
@@ -29,7 +30,6 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.core.posterior import contrast
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.recovery import global_search
-from gip_localizer.core.refinement import Fit
 from gip_localizer.core.search import Extent, Found, search_window
 from gip_localizer.core.tracker import Belief, checked_prior, Tracker
 from gip_localizer.errors import CalibrationError

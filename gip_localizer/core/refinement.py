@@ -20,12 +20,10 @@ from dataclasses import dataclass, field
 import math
 
 import numpy as np
-from scipy import sparse
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import Rectifier, View
-from gip_localizer.core.camera import CameraModel
-from gip_localizer.core.camera_sway import CameraSway
+from gip_localizer.core.fit import Fit
 from gip_localizer.core.levels import coarsened
 from gip_localizer.core.linearised import (
     agreeing,
@@ -38,27 +36,22 @@ from gip_localizer.core.linearised import (
 )
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.core.stages import make_stages, OPTICAL_TERMS, Stage
 from gip_localizer.parameters import CameraMotion
 
-STAGES = ((4, 6), (2, 4), (1, 6))  # cells joined per side, and the most steps
 EXPOSURE_ROUNDS = 4  # reweightings of gain and offset before a step
-PLAIN_STEPS = 2  # of the first stage, before outliers are told from misalignment
-LEAST_SCALE_SQ = 0.5  # residuals this small against the noise model are never outliers
 DONE_XY, DONE_YAW = 3e-4, 5e-5  # m, rad: smaller steps end a stage
 CONVERGED = 8.0  # last step, in these, below which the outcome is believed
 MAX_STEP = np.array([0.15, 0.15, 0.03])  # m, m, rad: no step may leave the basin
 MAX_DRIFT = 1.0  # m from the start
 OUTLIER_SCALE = 3.0  # residuals beyond this many standard deviations lose their weight
 BLOCK_SIDES = (1.0, 0.5)  # m ahead, m left: residuals count as correlated within such blocks
-PATTERN_SIDES = (1.0, 1.0)  # m: blocks that agree with the map, or do not
 LEAST_BLOCKS = 10  # along each axis
 LOCKING = 0.005  # of a map cell: what sampling between cell centres may still shift a pose
 STAGE_SHARE = 0.05  # of the squared change since the coarser stage that counts as variance
 MIN_GAIN = 0.02
-OPTICAL_TERMS = 5
 PITCH_BASIN = 0.005  # rad: pitch from which the first stage still finds its way
 MIN_CELLS = 20
-LEAST_CELLS = 200  # joined cells that a stage must have
 
 
 def _pitches(sigma: float) -> list[float]:
@@ -66,67 +59,6 @@ def _pitches(sigma: float) -> list[float]:
     count = int(2.0 * sigma / PITCH_BASIN)
     spacing = 2.0 * sigma / max(count, 1)
     return [0.0, *(sign * k * spacing for k in range(1, count + 1) for sign in (1, -1))]
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """
-    A refined match.
-
-    Attributes
-    ----------
-    pose : Pose2
-        Base in map.
-    covariance : (3, 3) float64
-        Of x, y (m) and yaw (rad) in the axes of the pose (ahead, left), from the spread of the
-        residuals' gradients over blocks of the road (sandwich estimate), so that correlated
-        residuals count as what they are.
-    fisher : (3, 3) float64
-        Covariance by Fisher information alone (Cramér-Rao bound for white pixel noise and the
-        weights as given).
-    camera_motion : (3,) float64
-        Estimated pitch, roll (rad) and height (m) relative to the calibration.
-    gain, offset : float
-        Of the view relative to the map, grey levels of [0, 1].
-    residual : float
-        Weighted mean square of the residuals of the cells that agree.
-    inliers : float
-        Share of the weight that agrees with the map, 0..1.
-    correlation : float
-        Weighted correlation of view and blurred map over the cells that agree.
-    agreement : float
-        Share of the weight in blocks of road whose pattern is the map's, among those whose
-        pattern stands out of the noise, 0..1; 1 when outliers are not looked for.
-    overlap : float
-        Share of the weight on known map cells.
-    converged : bool
-        The last step was small and the pose stayed near its start.
-    overdispersion : float
-        Standard deviations over those that the noise model alone explains.
-    chi_sq : float
-        Mean of squared residuals over their expected variance (1 when the noise model holds).
-
-    """
-
-    pose: Pose2
-    covariance: Floats
-    fisher: Floats
-    camera_motion: Floats
-    gain: float
-    offset: float
-    residual: float
-    inliers: float
-    correlation: float
-    agreement: float
-    overlap: float
-    converged: bool
-    chi_sq: float
-    overdispersion: float
-
-    @property
-    def merit(self) -> float:
-        """How good the fit is among fits at other places: how much agrees, and how well."""
-        return self.agreement * max(self.correlation, 0.0)
 
 
 @dataclass(eq=False)
@@ -139,39 +71,6 @@ class _State:
     agreeing: Floats | None = None
     agreement: float = 1.0
     shading: Floats = field(default_factory=lambda: np.zeros(OPTICAL_TERMS))
-
-
-class _Stage:
-    """The cells of one stage: joined by a factor, or all of them with the pixel blur."""
-
-    def __init__(self, rectifier: Rectifier, factor: int, steps: int) -> None:
-        self.factor = factor
-        self.steps = steps
-        self.plain = PLAIN_STEPS if factor == STAGES[0][0] else 0
-        self.least_scale_sq = LEAST_SCALE_SQ * factor**2
-        weight = rectifier.valid.astype(np.float32)
-        blank = View(weight, rectifier.footprint, rectifier.valid, rectifier.grid)
-        view, _ = coarsened(blank, weight, factor)
-        self.resolution = view.grid.resolution
-        self.index = np.flatnonzero(view.valid)
-        points = view.grid.points() if factor > 1 else rectifier.centroids
-        self.sway = CameraSway(rectifier.camera, points[self.index])
-        self.blocks = block_sums(self.sway.points, PATTERN_SIDES)
-        self.optical = _optical_basis(rectifier.camera, self.sway.points)
-        self.blur: sparse.csr_matrix | None = rectifier.pixel_blur if factor == 1 else None
-
-    def blurred(self, columns: Floats) -> Floats:
-        """Return columns behind the pixel blur."""
-        return columns if self.blur is None else np.asarray(self.blur @ columns)
-
-
-def _optical_basis(camera: CameraModel, points: Floats) -> Floats:
-    """Smooth functions (n, 5) of the pixels that see road points, of order one, mean zero."""
-    uv, _ = camera.project(points.astype(np.float64))
-    u = uv[:, 0] / (0.5 * camera.width) - 1.0
-    v = uv[:, 1] / (0.5 * camera.width) - camera.height / camera.width
-    basis = np.nan_to_num(np.stack([u, v, u * u, u * v, v * v], axis=1))
-    return (basis - basis.mean(axis=0)).astype(np.float32)
 
 
 class Refiner:
@@ -206,11 +105,7 @@ class Refiner:
         self._prior = np.concatenate(
             [np.zeros(3), 1.0 / sigmas[self._moving] ** 2, np.zeros(exposed)]
         )
-        cells = int(np.count_nonzero(rectifier.valid))
-        self._stages = [
-            _Stage(rectifier, factor, steps) for factor, steps in STAGES
-            if factor == 1 or cells >= LEAST_CELLS * factor**2
-        ]
+        self._stages = make_stages(rectifier)
         grid = rectifier.grid
         extent = (grid.rows * grid.resolution, grid.cols * grid.resolution)
         sides = [min(s, e / LEAST_BLOCKS) for s, e in zip(BLOCK_SIDES, extent, strict=True)]
@@ -280,7 +175,7 @@ class Refiner:
         )
 
     def _descend(
-        self, stage: _Stage, values: Floats, weights: Floats, raster_map: RasterMap, state: _State
+        self, stage: Stage, values: Floats, weights: Floats, raster_map: RasterMap, state: _State
     ) -> tuple[Problem, bool]:
         """Step until the steps are small; moves the state in place."""
         for count in range(stage.steps):
@@ -301,7 +196,7 @@ class Refiner:
         return max(abs(x) / DONE_XY, abs(y) / DONE_XY, abs(yaw) / DONE_YAW)
 
     def _linearise(
-        self, cells: _Stage, values: Floats, weights: Floats, raster_map: RasterMap,
+        self, cells: Stage, values: Floats, weights: Floats, raster_map: RasterMap,
         state: _State, *, robust: bool,
     ) -> Problem:
         points = cells.sway.road_points(state.camera_motion)
@@ -344,7 +239,7 @@ class Refiner:
         )
 
     def _agreeing(
-        self, cells: _Stage, values: Floats, predicted: Floats, weights: Floats, state: _State
+        self, cells: Stage, values: Floats, predicted: Floats, weights: Floats, state: _State
     ) -> Floats:
         """Weights without the blocks that do not show the map; found once per stage."""
         if state.agreeing is None:

@@ -17,6 +17,7 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import View
 from gip_localizer.core.camera_sway import pitched
+from gip_localizer.core.fit import Fit
 from gip_localizer.core.levels import coarsened
 from gip_localizer.core.matching import make_lattice, match, Scores
 from gip_localizer.core.pose import Pose2
@@ -28,7 +29,7 @@ from gip_localizer.core.posterior import (
     Surface,
 )
 from gip_localizer.core.raster_map import RasterMap
-from gip_localizer.core.refinement import Fit, Refiner
+from gip_localizer.core.refinement import Refiner
 from gip_localizer.core.tracker import Belief
 
 COARSE_CELL = 0.1  # m: cells are joined up to this side for the lattice

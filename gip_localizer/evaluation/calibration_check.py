@@ -15,7 +15,8 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats, Grey
 from gip_localizer.core.birdseye import Rectifier, View
-from gip_localizer.core.camera import Calibration, CameraModel, Extrinsics
+from gip_localizer.core.calibration import Calibration
+from gip_localizer.core.camera import CameraModel, Extrinsics
 from gip_localizer.errors import BagError
 from gip_localizer.evaluation.lane_lines import lane_lines, LaneLine, pitch_excess
 from gip_localizer.evaluation.report_figures import ESTIMATE, STYLE, WRONG

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from gip_localizer.core.arrays import Grey
-from gip_localizer.core.camera import Calibration, CameraModel, Extrinsics
+from gip_localizer.core.calibration import Calibration
+from gip_localizer.core.camera import CameraModel, Extrinsics
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.raster_map import RasterMap

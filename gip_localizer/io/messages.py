@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.camera import Calibration
+from gip_localizer.core.calibration import Calibration
 from gip_localizer.core.odometry import OdometrySample
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import CalibrationError, GipError
@@ -42,7 +42,7 @@ def planar_pose(pose: Any) -> Pose2:
     numbers = (pose.position.x, pose.position.y, q.x, q.y, q.z, q.w)
     if not all(math.isfinite(value) for value in numbers):
         raise PoseMessageError('pose holds NaN or infinity')
-    norm = math.sqrt(q.x**2 + q.y**2 + q.z**2 + q.w**2)
+    norm = math.hypot(q.x, q.y, q.z, q.w)
     if abs(norm - 1.0) > 0.1:
         raise PoseMessageError(f'orientation quaternion has length {norm:.3g}; expected 1')
     yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), norm**2 - 2.0 * (q.y**2 + q.z**2))

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
-from gip_localizer.core.camera import Calibration
+from gip_localizer.core.calibration import Calibration
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap, WHITE
 from gip_localizer.io.messages import full_covariance, quaternion_of_yaw

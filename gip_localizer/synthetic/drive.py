@@ -17,7 +17,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gip_localizer.core.camera import Calibration, CameraModel, Extrinsics
+from gip_localizer.core.calibration import Calibration
+from gip_localizer.core.camera import CameraModel, Extrinsics
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.io.map_files import load_map

@@ -19,7 +19,8 @@ import numpy as np
 
 from gip_localizer.core.arrays import Bools
 from gip_localizer.core.birdseye import Rectifier
-from gip_localizer.core.camera import Calibration, CameraModel, Extrinsics
+from gip_localizer.core.calibration import Calibration
+from gip_localizer.core.camera import CameraModel, Extrinsics
 from gip_localizer.core.footprints import Grid
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap

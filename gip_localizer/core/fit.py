@@ -1,0 +1,71 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A refined match: pose, covariance, and how well view and map agree there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.pose import Pose2
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """
+    A refined match.
+
+    Attributes
+    ----------
+    pose : Pose2
+        Base in map.
+    covariance : (3, 3) float64
+        Of x, y (m) and yaw (rad) in the axes of the pose (ahead, left), from the spread of the
+        residuals' gradients over blocks of the road (sandwich estimate), so that correlated
+        residuals count as what they are.
+    fisher : (3, 3) float64
+        Covariance by Fisher information alone (Cramér-Rao bound for white pixel noise and the
+        weights as given).
+    camera_motion : (3,) float64
+        Estimated pitch, roll (rad) and height (m) relative to the calibration.
+    gain, offset : float
+        Of the view relative to the map, grey levels of [0, 1].
+    residual : float
+        Weighted mean square of the residuals of the cells that agree.
+    inliers : float
+        Share of the weight that agrees with the map, 0..1.
+    correlation : float
+        Weighted correlation of view and blurred map over the cells that agree.
+    agreement : float
+        Share of the weight in blocks of road whose pattern is the map's, among those whose
+        pattern stands out of the noise, 0..1; 1 when outliers are not looked for.
+    overlap : float
+        Share of the weight on known map cells.
+    converged : bool
+        The last step was small and the pose stayed near its start.
+    overdispersion : float
+        Standard deviations over those that the noise model alone explains.
+    chi_sq : float
+        Mean of squared residuals over their expected variance (1 when the noise model holds).
+
+    """
+
+    pose: Pose2
+    covariance: Floats
+    fisher: Floats
+    camera_motion: Floats
+    gain: float
+    offset: float
+    residual: float
+    inliers: float
+    correlation: float
+    agreement: float
+    overlap: float
+    converged: bool
+    chi_sq: float
+    overdispersion: float
+
+    @property
+    def merit(self) -> float:
+        """How good the fit is among fits at other places: how much agrees, and how well."""
+        return self.agreement * max(self.correlation, 0.0)
