@@ -38,7 +38,7 @@ def add_parser(verbs: Any) -> None:
         '--world', default='road', help='road, tiles or a map YAML (default: road)'
     )
     parser.add_argument(
-        '--rate', type=_positive, default=10.0, help='images per second (default: 10)'
+        '--rate', type=_positive, default=5.0, help='images per second (default: 5)'
     )
     parser.add_argument(
         '--seconds', type=_positive, default=20.0, help='length of the drive (default: 20)'
