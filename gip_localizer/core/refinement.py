@@ -39,7 +39,7 @@ from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.stages import make_stages, OPTICAL_TERMS, Stage
 from gip_localizer.parameters import CameraMotion
 
-EXPOSURE_ROUNDS = 4  # reweightings of gain and offset before a step
+EXPOSURE_ROUNDS = (4, 2)  # reweightings of gain and offset before a stage's first step, others
 DONE_XY, DONE_YAW = 3e-4, 5e-5  # m, rad: smaller steps end a stage
 CONVERGED = 8.0  # last step, in these, below which the outcome is believed
 MAX_STEP = np.array([0.15, 0.15, 0.03])  # m, m, rad: no step may leave the basin
@@ -179,8 +179,10 @@ class Refiner:
     ) -> tuple[Problem, bool]:
         """Step until the steps are small; moves the state in place."""
         for count in range(stage.steps):
-            robust = self._robust and count >= stage.plain
-            problem = self._linearise(stage, values, weights, raster_map, state, robust=robust)
+            rounds = EXPOSURE_ROUNDS[min(count, 1)]
+            if not self._robust or count < stage.plain:
+                rounds = 0
+            problem = self._linearise(stage, values, weights, raster_map, state, rounds=rounds)
             if np.count_nonzero(problem.all_weights) < MIN_CELLS:
                 return problem, False
             step = self._move(state, problem.step(problem.information()))
@@ -197,7 +199,7 @@ class Refiner:
 
     def _linearise(
         self, cells: Stage, values: Floats, weights: Floats, raster_map: RasterMap,
-        state: _State, *, robust: bool,
+        state: _State, *, rounds: int,
     ) -> Problem:
         points = cells.sway.road_points(state.camera_motion)
         sampled, ahead, left, known = raster_map.sample_from(state.pose, points)
@@ -211,7 +213,7 @@ class Refiner:
         gain, offset, residual = self._residual(values, predicted, used, state.exposure)
         scale_sq = mean_normalised_square(residual, used)
         trusted = curvature = used
-        for _ in range(EXPOSURE_ROUNDS if robust else 0):
+        for _ in range(rounds):
             share, slope = trust(
                 residual, used, max(scale_sq, cells.least_scale_sq), OUTLIER_SCALE
             )
