@@ -31,6 +31,8 @@ CONFIDENCE_OFFSET = -2.3
 CONFIDENCE_LATTICE = 5.2  # per unit of correlation of the whole view
 CONFIDENCE_AGREEMENT = 2.3  # per share of the road that agrees
 CONFIDENCE_OVERDISPERSION = -1.0  # per natural logarithm
+RIVAL_DISTANCE = 0.2  # m from the winner at which a match is at another place
+MOST_RIVAL = 0.8  # likeness of a match at another place from which neither is believed
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +110,20 @@ def _agrees(fit: Fit, prior: Belief) -> bool:
     return bool(np.all(gap < 3.0 * sigma + np.array([0.05, 0.05, 0.01])))
 
 
+def _rival(found: Found, fit: Fit) -> float:
+    """Likeness of the best other place: as much agrees, and no worse (1: cannot be told apart)."""
+    others = [
+        other for other in found.fits[1:]
+        if math.hypot(other.pose.x - fit.pose.x, other.pose.y - fit.pose.y) > RIVAL_DISTANCE
+    ]
+    unexplained = fit.residual / fit.gain**2
+    return max((
+        min(other.merit / max(fit.merit, 1e-9),
+            unexplained / max(other.residual / other.gain**2, 1e-12))
+        for other in others
+    ), default=0.0)
+
+
 def _figures(found: Found, fit: Fit) -> dict[str, float]:
     assert found.surface is not None
     sigma = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
@@ -123,6 +139,7 @@ def _figures(found: Found, fit: Fit) -> dict[str, float]:
         'winner_mass': found.surface.winner_mass,
         'second_ratio': found.surface.second_ratio,
         'lattice_correlation': lattice,
+        'rival': _rival(found, fit),
         'entropy': found.surface.entropy,
         'sigma_ahead_m': float(sigma[0]),
         'sigma_left_m': float(sigma[1]),
@@ -156,6 +173,11 @@ def _decide(
         return Status.AMBIGUOUS, (
             f'the best mode holds {quality["winner_mass"]:.0%} of the probability, below '
             f'integrity.min_winner_mass {limits.min_winner_mass:.0%}'
+        )
+    if quality['rival'] > MOST_RIVAL:
+        return Status.AMBIGUOUS, (
+            f'another place in the window matches as well (likeness {quality["rival"]:.2f}, '
+            f'limit {MOST_RIVAL:g})'
         )
     sigma_xy = math.hypot(quality['sigma_ahead_m'], quality['sigma_left_m'])
     if sigma_xy > limits.max_sigma_xy or quality['sigma_yaw_rad'] > limits.max_sigma_yaw:

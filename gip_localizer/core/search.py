@@ -11,6 +11,7 @@ continuous refinement on the full view then gives the pose.
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 
 import numpy as np
 
@@ -34,6 +35,8 @@ from gip_localizer.core.tracker import Belief
 
 COARSE_CELL = 0.1  # m: cells are joined up to this side for the lattice
 REFINED_MODES = 3
+RIVAL_SHARE = 0.6  # of the best correlation on the lattice, from which a place is a rival
+RIVAL_DISTANCE = 0.3  # m from the winner
 PLAIN_WINNER = 0.9  # merit of a fit beside which no other mode needs a look
 HOPELESS = -40.0  # log posterior below the winner's at which a mode is not refined
 
@@ -128,20 +131,71 @@ def search_window(
     surfaces = [(pitch, scores, surface) for pitch, scores, surface in tries if surface]
     if not surfaces:
         return Found(tries[0][1], None, [])
-    starts = [
-        (scores.residual[index], scores, surface, index, pitch)
-        for pitch, scores, surface in surfaces
-        for index in modes(surface, REFINED_MODES)
-        if surface.log_posterior[index] > HOPELESS
-    ]
-    starts.sort(key=lambda start: float(start[0]))
+    starts = sorted(
+        (
+            _Start(scores, surface, index, pitch)
+            for pitch, scores, surface in surfaces for index in modes(surface, REFINED_MODES)
+        ),
+        key=lambda start: start.residual,
+    )
+
+    def refined(start: _Start) -> Fit:
+        return refiner.refine(view, weight, fine, start.pose, pitch=start.pitch)
+
     fits: list[Fit] = []
-    for _, scores, surface, index, pitch in starts[:REFINED_MODES]:
-        start = scores.lattice.pose(subcell_peak(surface, index))
-        fits.append(refiner.refine(view, weight, fine, start, pitch=pitch))
+    for start in [s for s in starts if s.log_posterior > HOPELESS][:REFINED_MODES]:
+        fits.append(refined(start))
         if fits[-1].merit > PLAIN_WINNER:
             break
-    return Found(starts[0][1], starts[0][2], sorted(fits, key=lambda fit: -fit.merit))
+    best = max(fits, key=lambda fit: fit.merit)
+    fits += [refined(start) for start in _rivals(starts, best.pose)]
+    return Found(
+        starts[0].scores, starts[0].surface, sorted(fits, key=lambda fit: -fit.merit)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """A mode of the lattice's posterior."""
+
+    scores: Scores
+    surface: Surface
+    index: tuple[int, int, int]
+    pitch: float
+
+    @property
+    def residual(self) -> float:
+        return float(self.scores.residual[self.index])
+
+    @property
+    def log_posterior(self) -> float:
+        return float(self.surface.log_posterior[self.index])
+
+    @property
+    def correlation(self) -> float:
+        return float(self.scores.correlation[self.index])
+
+    @property
+    def pose(self) -> Pose2:
+        return self.scores.lattice.pose(subcell_peak(self.surface, self.index))
+
+
+def _rivals(starts: list[_Start], winner: Pose2) -> list[_Start]:
+    """
+    Places that look nearly as good on the lattice as the winner: at most two.
+
+    The posterior cannot tell: it knows nothing of what the lattice's coarse cells cost a place
+    that lies between them.
+
+    """
+    least = RIVAL_SHARE * max(start.correlation for start in starts)
+    rivals: list[_Start] = []
+    for start in starts:
+        others = [winner, *(rival.pose for rival in rivals)]
+        apart = [math.hypot(start.pose.x - p.x, start.pose.y - p.y) for p in others]
+        if start.correlation > least and min(apart) > RIVAL_DISTANCE:
+            rivals.append(start)
+    return rivals[: REFINED_MODES - 1]
 
 
 def _try_pitch(
