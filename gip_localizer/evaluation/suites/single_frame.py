@@ -12,7 +12,15 @@ import numpy as np
 from scipy.stats import chi2
 
 from gip_localizer.evaluation.conditions import Condition, CONDITIONS
-from gip_localizer.evaluation.suites.suite import Bound, Cell, of_part, Record, Section, share
+from gip_localizer.evaluation.suites.suite import (
+    Bound,
+    Cell,
+    of_part,
+    ratio,
+    Record,
+    Section,
+    share,
+)
 from gip_localizer.evaluation.trials import Bench, Spread, Trial
 
 FREEDOM = 3
@@ -78,8 +86,8 @@ def bounds(condition: Condition, found: Summary) -> list[Bound]:
               condition.rmse_yaw_deg),
         Bound(row, 'wrong poses published', found.wrong, 0),
         Bound(row, 'mean NEES', found.nees, high),
-        Bound(row, 'sigma over rmse, position', found.sigma_xy / found.rmse_xy, VACUOUS),
-        Bound(row, 'sigma over rmse, yaw', found.sigma_yaw / found.rmse_yaw, VACUOUS),
+        Bound(row, 'sigma over rmse, position', ratio(found.sigma_xy, found.rmse_xy), VACUOUS),
+        Bound(row, 'sigma over rmse, yaw', ratio(found.sigma_yaw, found.rmse_yaw), VACUOUS),
     ]
     if condition.model_holds:
         demands.insert(4, Bound(row, 'mean NEES', found.nees, low, at_most=False))
@@ -132,5 +140,5 @@ def _row(condition: Condition, found: Summary) -> list[Cell]:
         round(1e3 * found.rmse_xy, 2), f'{1e3 * condition.rmse_xy_m:g}',
         round(1e3 * found.largest_xy, 1), round(math.degrees(found.rmse_yaw), 4),
         f'{condition.rmse_yaw_deg:g}', found.wrong, round(found.nees, 2), band,
-        round(found.sigma_xy / found.rmse_xy, 2), round(1e3 * found.raw_rmse_xy, 2),
+        round(ratio(found.sigma_xy, found.rmse_xy), 2), round(1e3 * found.raw_rmse_xy, 2),
     ]

@@ -120,3 +120,8 @@ def of_part(records: Sequence[Record], part: str, kind: str | None = None) -> li
 def share(count: int, total: int) -> float:
     """Return a share; NaN of nothing."""
     return count / total if total else math.nan
+
+
+def ratio(value: float, other: float) -> float:
+    """Return a ratio; infinite over zero."""
+    return value / other if other else math.inf
