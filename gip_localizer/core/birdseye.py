@@ -88,6 +88,8 @@ class Rectifier:
         self._overlap = overlap_matrix(camera, self.grid, valid, self._box)
         sums = np.asarray(self._overlap.sum(axis=1)).ravel()
         self.valid: Bools = valid & (sums > 0.0).reshape(valid.shape)
+        if self.valid.sum() < MIN_CELLS:
+            raise CalibrationError(_no_road(camera, birdseye, int(self.valid.sum())))
         self.footprint = np.where(self.valid, areas, 0.0).astype(np.float32)
         inverse = np.divide(1.0, sums, out=np.zeros_like(sums), where=sums > 0.0)
         self._mean = (sparse.diags(inverse.astype(np.float32)) @ self._overlap).tocsr()

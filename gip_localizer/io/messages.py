@@ -50,9 +50,19 @@ def planar_pose(pose: Any) -> Pose2:
 
 
 def planar_covariance(covariance: Any) -> Floats:
-    """Return the (3, 3) part for x, y, yaw of a 6 x 6 row-major covariance (REP 103)."""
-    full = np.asarray(covariance, float).reshape(6, 6)
-    return full[PLANAR]
+    """
+    Return the (3, 3) part for x, y, yaw of a 6 x 6 row-major covariance (REP 103).
+
+    Raises
+    ------
+    PoseMessageError
+        Another number of values than 36.
+
+    """
+    full = np.asarray(covariance, float)
+    if full.size != 36:
+        raise PoseMessageError(f'covariance holds {full.size} values; expected 36')
+    return full.reshape(6, 6)[PLANAR]
 
 
 def full_covariance(covariance: Floats, *, unobserved: float) -> Floats:

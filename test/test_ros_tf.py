@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""TF over real DDS, where tf2_msgs is installed; `test/tf_messages/make.sh` generates it."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+pytest.importorskip('rclpy')
+pytest.importorskip('tf2_msgs.msg', reason='tf2_msgs is not in the wheels')
+
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+import numpy as np
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_scene import *  # noqa: F403 - fixtures and the world
+from ros_scene import (
+    assert_near,
+    camera_info,
+    EXTRINSICS,
+    frames,
+    localized,
+    parameters,
+    SECOND,
+    START,
+)  # fmt: skip
+from scipy.spatial.transform import Rotation
+from tf2_msgs.msg import TFMessage
+
+from gip_localizer.core.pose import Pose2, wrap_angle
+from gip_localizer.io.messages import planar_pose
+from gip_localizer.ros.conversions import header_of, pose_of
+
+pytestmark = pytest.mark.ros
+IN_ODOM = Pose2(30.0, -7.0, -1.1)
+
+
+def start(nodes, tester, map_file, changes):
+    process = nodes.start('localizer', parameters(map_file, changes))
+    tester.until(tester.matched, 'the localizer to join', alive=process)
+    return process
+
+
+def test_map_to_odom_takes_the_odometry_to_the_pose(nodes, tester, map_file, render):
+    process = start(nodes, tester, map_file, {'tf.publish': True, 'tf.tolerance': 0.25})
+    heard = []
+    tester.create_subscription(TFMessage, '/tf', heard.append, 100)
+    images = frames(render(START))
+
+    def with_odometry():
+        for image in images:
+            odometry = Odometry(header=image.header, child_frame_id='base_link')
+            odometry.header.frame_id = 'odom'
+            odometry.pose.pose = pose_of(IN_ODOM)
+            tester.odom.publish(odometry)
+            image.header.frame_id = 'camera'
+            yield image
+
+    wanted = with_odometry()
+    tester.until(lambda: localized(tester, wanted, process) and heard, 'a transform')
+    [transform] = heard[-1].transforms
+    assert (transform.header.frame_id, transform.child_frame_id) == ('map', 'odom')
+    at, turned = transform.transform.translation, transform.transform.rotation
+    map_odom = Pose2(at.x, at.y, 2.0 * math.atan2(turned.z, turned.w))
+    stamp = transform.header.stamp
+    pose = next(p for p in tester.poses if p.header.stamp.sec * SECOND
+                + p.header.stamp.nanosec + SECOND // 4 == stamp.sec * SECOND + stamp.nanosec)
+    base = planar_pose(pose.pose)
+    reached = map_odom @ IN_ODOM
+    assert reached[:2] == pytest.approx(base[:2], abs=1e-6)
+    assert wrap_angle(reached.yaw - base.yaw) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_camera_is_where_static_transforms_put_it(nodes, tester, map_file, render):
+    nowhere = {f'camera.{name}': 0.5 for name in ('x', 'y', 'z', 'roll', 'pitch', 'yaw')}
+    process = start(nodes, tester, map_file, {**nowhere, 'camera.from_tf': True})
+    images = frames(render(START))
+
+    def told():
+        tester.info.publish(camera_info())
+        tester.image.publish(next(images))
+        tester.executor_.spin_once(timeout_sec=0.05)
+        return tester.said('calibration', "no static transform connects 'base_link' and 'camera'")
+
+    tester.until(told, 'a report of the missing transform', alive=process)
+    assert tester.poses == []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    static = tester.create_publisher(TFMessage, '/tf_static', latched)
+    mounted = TransformStamped(header=header_of(0, 'base_link'), child_frame_id='camera')
+    where, turned = mounted.transform.translation, mounted.transform.rotation
+    where.x, where.y, where.z = (float(value) for value in EXTRINSICS.position())
+    quaternion = Rotation.from_matrix(np.asarray(EXTRINSICS.rotation())).as_quat()
+    turned.x, turned.y, turned.z, turned.w = (float(value) for value in quaternion)
+    static.publish(TFMessage(transforms=[mounted]))
+    assert_near(localized(tester, images, process), START)
