@@ -1,0 +1,131 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A soak over DDS: everything that can go wrong on a vehicle does, at random, again and again.
+
+`GIP_SOAK=1800 python -m pytest test/test_ros_soak.py` soaks for half an hour (the suite: 12 s).
+
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+
+import numpy as np
+import psutil
+import pytest
+
+pytest.importorskip('rclpy')
+
+from nav_msgs.msg import Odometry
+from ros_scene import *  # noqa: F403 - fixtures and the world
+from ros_scene import CALIBRATION, camera_info, initial_pose, parameters, SECOND, START
+
+from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.io.messages import planar_pose
+from gip_localizer.ros.conversions import header_of, mono8, pose_of
+
+pytestmark = pytest.mark.ros
+LENGTH = float(os.environ.get('GIP_SOAK', '12'))
+RATE = 30.0
+WARM_UP = 0.3
+"""Share of the soak after which memory must not grow."""
+GROWTH = 1.05
+SETTINGS = {
+    'search.x': (0.2, 0.9), 'search.y': (0.2, 0.9), 'search.yaw': (0.01, 0.1),
+    'score.map_noise': (0.01, 0.05), 'birdseye.half_width': (1.0, 1.6), 'birdseye.far': (5.0, 6.5),
+    'integrity.lost_after': (2, 9),
+}  # fmt: skip
+
+
+class Trouble:
+    """What the vehicle suffers, from a seed."""
+
+    def __init__(self, tester, render):
+        self.tester = tester
+        self.rng = np.random.default_rng(7)
+        self.pixels = render(START)
+        self.stamp = 1_700_000_000 * SECOND
+        self.heard = 0
+        self.happened = set()
+
+    def second(self):
+        """One second of frames, with one trouble of a kind."""
+        kind = str(self.rng.choice(['none', 'silence', 'calibration', 'resolution', 'jump',
+                                    'rewind', 'parameters', 'prior', 'dark']))
+        self.happened.add(kind)
+        if kind == 'parameters':
+            self._set_something()
+        if kind == 'rewind':
+            self.stamp -= 100 * SECOND
+        for n in range(round(RATE)):
+            self.stamp += round(SECOND / RATE)
+            started = time.monotonic()
+            self._send(kind, n)
+            while time.monotonic() - started < 1.0 / RATE:
+                self.tester.executor_.spin_once(timeout_sec=0.002)
+        if kind == 'rewind':
+            self.tester.initial.publish(initial_pose(START))
+
+    def _set_something(self):
+        name = str(self.rng.choice(list(SETTINGS)))
+        low, high = SETTINGS[name]
+        value = self.rng.uniform(low, high)
+        result = self.tester.set(name, int(value) if isinstance(low, int) else float(value))
+        assert result.successful, result.reason
+
+    def _send(self, kind, n):
+        base = START if kind != 'jump' or n % 10 else Pose2(500.0, 0.0, 0.0)
+        odometry = Odometry(header=header_of(self.stamp, 'odom'), child_frame_id='base_link')
+        odometry.pose.pose = pose_of(base)
+        self.tester.odom.publish(odometry)
+        if kind == 'silence':
+            return
+        info = camera_info()
+        if kind == 'calibration' and n % 2:
+            info = camera_info(k=CALIBRATION.K.ravel() * self.rng.uniform(0.0, 3.0))
+        self.tester.info.publish(info)
+        pixels = self.pixels
+        if kind == 'resolution' and n % 3:
+            pixels = pixels[:: n % 3 + 1, :: n % 3 + 1].copy()
+        elif kind == 'dark':
+            pixels = (pixels // 200).astype(np.uint8)
+        self.tester.image.publish(mono8(self.stamp, 'camera', pixels))
+        if kind == 'prior' and n == 5:
+            self.tester.initial.publish(initial_pose(Pose2(math.nan, 0.0, 0.0)))
+
+    def judge(self):
+        """Every pose that came is right, and diagnostics came with all concerns."""
+        for pose in self.tester.poses:
+            apart = difference(planar_pose(pose.pose), START)
+            assert math.hypot(apart[0], apart[1]) < 0.5
+            assert abs(apart[2]) < math.radians(2.0)
+        self.heard += len(self.tester.poses)
+        self.tester.poses.clear()
+        self.tester.with_covariance.clear()
+        assert self.tester.diagnostics
+        assert len(self.tester.diagnostics[-1].status) == 7
+        del self.tester.diagnostics[:-1]
+
+
+def test_a_soak_leaves_the_node_alive_right_and_of_the_same_size(
+    nodes, tester, map_file, render
+):
+    # A lost pose is found by initialpose here: the search of the map costs what it costs.
+    process = nodes.start('localizer', parameters(map_file, {'recovery.automatic': False}))
+    tester.until(tester.matched, 'the localizer to join', alive=process)
+    trouble, memory = Trouble(tester, render), psutil.Process(process.pid)
+    begin, warm = time.monotonic(), None
+    while (elapsed := time.monotonic() - begin) < LENGTH:
+        trouble.second()
+        assert process.poll() is None
+        trouble.judge()
+        if warm is None and elapsed > WARM_UP * LENGTH:
+            warm = memory.memory_info().rss
+        tester.initial.publish(initial_pose(START))
+    assert trouble.heard > LENGTH
+    assert warm is not None
+    if LENGTH >= 120.0:  # a short one does not reach all that is allocated once
+        assert memory.memory_info().rss < GROWTH * warm
