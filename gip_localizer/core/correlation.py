@@ -30,7 +30,8 @@ Sink = Callable[[int, Floats], None]
 
 PRODUCT_CANDIDATES = 200  # translations up to which matrix products beat transforms
 PRODUCT_YAWS = 32  # at once, which bounds the memory
-KEPT_BYTES = 1 << 23  # of turned templates, above which a desk is not kept between frames
+KEPT_BYTES = 1 << 23  # of an array, above which it is not kept between frames
+WORTH_A_THREAD = 150_000  # cells to turn, below which threads wait more than they work
 
 
 def correlate(
@@ -147,13 +148,16 @@ def by_products(
     rows, cols = canvas
     n_x, n_y = 1 + fields.shape[1] - rows, 1 + fields.shape[2] - cols
     count = 1 + max(t for term in terms for t, _ in term)
-    turned = np.zeros((len(yaws), count, rows, cols), np.float32)
+    turned = _room('turned', (len(yaws), count, rows, cols))
 
     def work_turn(share: range) -> None:
         for k in share:
             turn(yaws[k], turned[k])
 
-    in_parallel(work_turn, shares(len(yaws)))
+    if len(yaws) * rows * cols >= WORTH_A_THREAD:
+        in_parallel(work_turn, shares(len(yaws)))
+    else:
+        work_turn(range(len(yaws)))
     out = np.empty((len(terms), len(yaws), n_x, n_y), np.float32)
 
     def work_term(term: int) -> None:
@@ -164,19 +168,33 @@ def by_products(
         sink(yaw, out[:, k])
 
 
+def _room(name: str, shape: tuple[int, ...]) -> Floats:
+    """Return an array of this thread that holds anything; the one of the last frame if it fits."""
+    rooms: dict[str, Floats] = _kept.__dict__.setdefault('rooms', {})
+    room = rooms.get(name)
+    if room is None or room.shape != shape:
+        room = np.empty(shape, np.float32)
+        rooms[name] = room
+        if room.nbytes > KEPT_BYTES:
+            del rooms[name]
+    return room
+
+
 def _row_products(turned: Floats, fields: Floats, term: Term) -> Floats:
     """One term (yaws, n_x, n_y); the pairs lie side by side in the rows of the matrices."""
     yaws, _, rows, cols = turned.shape
     high, wide = fields.shape[1], len(term) * cols
     n_x, n_y = 1 + high - rows, 1 + fields.shape[2] - cols
-    stacked = np.zeros((rows + 2 * (n_x - 1), yaws, wide), np.float32)
-    shifted = np.empty((high, wide, n_y), np.float32)
+    pad = n_x - 1
+    stacked = _room('stacked', (rows + 2 * pad, yaws, wide))
+    stacked[:pad] = stacked[pad + rows :] = 0.0
+    shifted = _room('shifted', (high, wide, n_y))
     for p, (template, field) in enumerate(term):
         part = slice(p * cols, (p + 1) * cols)
-        stacked[n_x - 1 : n_x - 1 + rows, :, part] = turned[:, template].transpose(1, 0, 2)
+        stacked[pad : pad + rows, :, part] = turned[:, template].transpose(1, 0, 2)
         shifted[:, part] = sliding_window_view(fields[field], n_y, axis=1)
     step = stacked.strides
     meeting = as_strided(stacked, (high, n_x * yaws, wide), (step[0], step[1], step[2]))
-    sums = (meeting @ shifted).sum(axis=0)
+    sums = np.matmul(meeting, shifted, out=_room('sums', (high, n_x * yaws, n_y))).sum(axis=0)
     # block row j holds template row k - (n_x - 1) + j, which is moved by n_x - 1 - j
     return np.asarray(sums.reshape(n_x, yaws, n_y)[::-1].transpose(1, 0, 2))

@@ -12,11 +12,9 @@ bound from joined cells lets go of the energy inside them, which is most of the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
-import cv2
 import numpy as np
 
 from gip_localizer.core.field_level import Level
@@ -25,14 +23,15 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.core.probe import Index, Probe
 from gip_localizer.core.scoring import Residuals, Scorer
 
-KEPT = (24, 6)  # modes after the whole window, and after each level below
+KEPT = (32, 16)  # candidates kept of the whole window, and of each level below
+WITHIN = (0.25, 0.15)  # and how far above the best, as shares of the best's depth in the window
+FEW = 200  # translations that are scored all rather than on larger cells
 LEAST_CELLS = 450  # of the view on the largest joined cells
 MOST_JOININGS = 4
+CLIMBED = 2  # starts on the lattice's own cells
 SHALLOW = 0.004  # a neighbour within this share of the least residual: a valley
 LOOSER = 0.8  # joined cells at the edge of the known map may belong to either side
 MAX_CLIMB = 20  # rounds of the last climb
-DEPTH = 0.5  # modes less deep than this share of the deepest, below the median, are dropped
-CLIMBED = 2  # starts on the lattice's own cells
 
 
 @dataclass(frozen=True)
@@ -97,16 +96,24 @@ def pyramid_winner(
     if len(levels) == 1:
         return exhaustive_winner(level, normalized=normalized, min_overlap=min_overlap)
     loose = LOOSER * min_overlap
-    modes = _all_modes(levels[0], normalized, loose, kept[0])
-    for above, below in pairwise(levels[:-1]):
-        modes = _followed(above, below, modes, normalized, loose)[: kept[1]]
-    probe = Probe(level, normalized=normalized, min_overlap=min_overlap)
-    starts = [_below(levels[-2], level, peak) for peak, _ in modes[:CLIMBED]]
-    found = [_climb(probe, start) for start in starts]
-    probe.close()
-    if not found:
+    modes, depth = _best_of_all(levels[0], normalized, loose, kept[0])
+    for above, below in pairwise(levels):
+        probe = Probe(below, normalized=normalized,
+                      min_overlap=min_overlap if below is level else loose)
+        places = list(dict.fromkeys(_below(above, below, mode) for mode in modes))
+        if below is level:
+            probe.score(places)
+            best = _best_known(probe, CLIMBED, np.inf)
+            best = [_climb(probe, place) for place in best]
+        else:
+            probe.score([near for place in places for near in probe.box(place)])
+            best = _best_known(probe, kept[1], WITHIN[1] * depth)
+        probe.close()
+        modes = [_between(probe, place) for place in best]
+    if not best:
         return _winner(level, (0, 0, 0), np.inf)
-    return _winner(level, *min(found, key=lambda each: each[1]))
+    winner = min(best, key=probe.known.__getitem__)
+    return _winner(level, winner, probe.known[winner])
 
 
 def _levels(level: Level) -> list[Level]:
@@ -115,7 +122,7 @@ def _levels(level: Level) -> list[Level]:
     while (
         len(levels) <= MOST_JOININGS
         and levels[0].grid.rows * levels[0].grid.cols >= 4 * LEAST_CELLS
-        and max(levels[0].lattice.half) >= 4
+        and levels[0].lattice.shape[1] * levels[0].lattice.shape[2] > FEW
     ):
         levels.insert(0, levels[0].joined(2))
     return levels
@@ -134,11 +141,12 @@ def _winner(level: Level, index: Index, residual: float) -> Winner:
 
 Peak = tuple[float, float, float]
 """Index of a mode, between candidates."""
-Mode = tuple[Peak, float]
 
 
-def _all_modes(level: Level, normalized: bool, min_overlap: float, count: int) -> list[Mode]:
-    """Return the best local minima of the whole window, best first."""
+def _best_of_all(
+    level: Level, normalized: bool, min_overlap: float, count: int
+) -> tuple[list[Peak], float]:
+    """Return the best candidates of the whole window, and how deep the best lies."""
     residual = np.empty(level.lattice.shape, np.float32)
 
     def keep(yaw: int, found: Residuals) -> None:
@@ -146,34 +154,34 @@ def _all_modes(level: Level, normalized: bool, min_overlap: float, count: int) -
 
     scorer = _scorer(level, normalized, min_overlap)
     score_yaws(scorer, level.grid, level.canvas, level.lattice, keep)
-    lowest = np.stack([cv2.erode(plane, np.ones((3, 3), np.uint8)) for plane in residual])
-    least = lowest.copy()
-    least[1:] = np.minimum(least[1:], lowest[:-1])
-    least[:-1] = np.minimum(least[:-1], lowest[1:])
-    flat = np.flatnonzero((residual <= least) & np.isfinite(residual))
-    order = flat[np.argsort(residual.flat[flat], kind='stable')[:count]]
-    if len(order):
-        best, usual = float(residual.flat[order[0]]), float(np.median(residual))
-        if np.isfinite(usual):
-            order = order[residual.flat[order] <= best + (1.0 - DEPTH) * (usual - best)]
-    places = np.stack(np.unravel_index(order, residual.shape), axis=1).tolist()
-    return [
-        (_between(lambda place: float(residual[place]), (k, i, j), residual.shape),
-         float(residual[k, i, j]))
-        for k, i, j in places
-    ]
+    flat = residual.ravel()
+    count = min(count, flat.size)
+    order = np.argpartition(flat, count - 1)[:count]
+    least, usual = float(flat[order].min()), float(np.median(flat))
+    if not np.isfinite(least):
+        return [], 0.0
+    depth = usual - least if np.isfinite(usual) else np.inf
+    order = np.sort(order[flat[order] <= least + WITHIN[0] * depth])
+    places = np.stack(np.unravel_index(order, residual.shape), axis=1)
+    return [(float(k), float(i), float(j)) for k, i, j in places], depth
 
 
-def _between(residual: Callable[[Index], float], place: Index, shape: Index) -> Peak:
+def _best_known(probe: Probe, count: int, above: float) -> list[Index]:
+    """Return the best candidates scored so far, at most so far above the best of them."""
+    ranked = sorted(probe.known.items(), key=lambda scored: (scored[1], scored[0]))[:count]
+    if not ranked or not np.isfinite(ranked[0][1]):
+        return []
+    return [place for place, residual in ranked if residual <= ranked[0][1] + above]
+
+
+def _between(probe: Probe, place: Index) -> Peak:
     """Return where a parabola on each axis has its minimum, within half a step."""
     peak = [float(n) for n in place]
-    middle = residual(place)
-    for axis, last in enumerate(shape):
-        if not 0 < place[axis] < last - 1:
-            continue
+    middle = probe.known[place]
+    for axis in range(3):
         low, high = (
-            residual((place[0] + s * (axis == 0), place[1] + s * (axis == 1),
-                      place[2] + s * (axis == 2))) for s in (-1, 1)
+            probe.known.get((place[0] + s * (axis == 0), place[1] + s * (axis == 1),
+                             place[2] + s * (axis == 2)), np.inf) for s in (-1, 1)
         )
         bend = low - 2.0 * middle + high
         if 0.0 < bend < np.inf:
@@ -194,23 +202,7 @@ def _below(above: Level, below: Level, peak: Peak) -> Index:
     return yaw, x, y
 
 
-def _followed(
-    above: Level, below: Level, modes: list[Mode], normalized: bool, min_overlap: float
-) -> list[Mode]:
-    """Return the modes at the finer level, each at the best of its neighbours, best first."""
-    probe = Probe(below, normalized=normalized, min_overlap=min_overlap)
-    boxes = [probe.box(_below(above, below, index)) for index, _ in modes]
-    probe.score([place for box in boxes for place in box])
-    probe.close()
-    known, shape = probe.known, below.lattice.shape
-    found = sorted({min(box, key=known.__getitem__) for box in boxes}, key=known.__getitem__)
-    return [
-        (_between(lambda near: known.get(near, np.inf), place, shape), known[place])
-        for place in found
-    ]
-
-
-def _climb(probe: Probe, place: Index) -> tuple[Index, float]:
+def _climb(probe: Probe, place: Index) -> Index:
     """Go to the best neighbour until there is no better one; in a flat valley, look farther."""
     for _ in range(MAX_CLIMB):
         before = place
@@ -219,4 +211,4 @@ def _climb(probe: Probe, place: Index) -> tuple[Index, float]:
             place = probe.best_about(before, reach=2)
         if place == before:
             break
-    return place, probe.known[place]
+    return place
