@@ -9,7 +9,7 @@ READY = $(VENV)/.ready
 RESULTS = --out $(or $(OUT),results/$@) $(if $(OUT),,--force)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo replay evaluate paper params figures test lint type pytest clean
+.PHONY: help setup demo replay evaluate bench paper params figures test lint type pytest clean
 
 help: ## list the verbs
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
@@ -43,6 +43,9 @@ evaluate: $(READY) ## accuracy and honesty against bounds, under 10 minutes (SUI
 
 paper: $(READY) ## the numbers and figures of the paper (OUT=)
 	@$(GIP) paper $(RESULTS)
+
+bench: $(READY) ## time and winners beside OpenCV; let the machine rest (SUITE= QUICK= OUT=)
+	@$(GIP) bench $(if $(SUITE),--suite $(SUITE)) $(if $(QUICK),--quick) $(RESULTS)
 
 params: $(READY) ## write config/*.yaml and the README's parameter table again
 	@$(GIP) params --write .

@@ -15,6 +15,7 @@ import sys
 
 from gip_localizer import __version__
 from gip_localizer.cli import (
+    bench,
     check_calibration,
     compare,
     demo,
@@ -27,7 +28,7 @@ from gip_localizer.cli import (
 from gip_localizer.core.threads import use_one_blas_thread
 from gip_localizer.errors import GipError
 
-VERBS = (demo, simulate, replay, compare, evaluate, check_calibration, paper, params)
+VERBS = (demo, simulate, replay, compare, evaluate, check_calibration, paper, params, bench)
 INTERRUPTED = 130
 
 use_one_blas_thread()  # read when NumPy is loaded, which only the verbs do

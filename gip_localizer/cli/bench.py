@@ -1,0 +1,87 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""`gip bench`: times and winners beside OpenCV's, on this machine."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gip_localizer.evaluation.benchmark.rows import Row
+
+SUITES = ('track', 'acquire', 'global', 'noise', 'growth', 'rectify', 'frame', 'map', 'node')
+DEFAULT_OUT = Path('results/bench')
+FRAMES = {'track': (1000, 200), 'acquire': (200, 20), 'global': (30, 4)}
+"""Frames in all, and those that are judged by the slow one too."""
+
+
+def add_parser(verbs: Any) -> None:
+    """Add the verb to the parser of `gip`."""
+    parser = verbs.add_parser(
+        'bench', help='time and winners beside OpenCV, on this machine',
+        description='Run the same searches with this package and with cv2.matchTemplate, in '
+                    'turn, and write bench.json, details.json, bench.md and figures. Let the '
+                    'machine rest meanwhile: what else runs is in the numbers.',
+    )
+    parser.add_argument('--suite', action='append', choices=(*SUITES, 'all'), dest='suites',
+                        help='what to measure; repeatable (default: all)')
+    parser.add_argument('--quick', action='store_true',
+                        help='few frames: a look, no numbers to quote')
+    parser.add_argument('--seconds', type=float, default=60.0, metavar='S',
+                        help='length of each drive of the suite node (default: 60)')
+    parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='DIR',
+                        help=f'results folder (default: {DEFAULT_OUT})')
+    parser.add_argument('--force', action='store_true', help='replace results that lie in --out')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure, write the folder, print the table."""
+    from tqdm import tqdm
+
+    from gip_localizer.errors import ParameterError
+    from gip_localizer.evaluation.benchmark.machine import machine
+    from gip_localizer.evaluation.benchmark.output import as_markdown, MARK, write_bench
+    from gip_localizer.io.output_folder import check_folder
+
+    if not 1.0 <= args.seconds <= 36_000.0:
+        raise ParameterError(f'--seconds {args.seconds:g}: expected 1 to 36000')
+    check_folder(args.out, force=args.force, mark=MARK)
+    asked = set(args.suites or ('all',))
+    chosen = [suite for suite in SUITES if asked & {suite, 'all'}]
+    rows: list[Row] = []
+    details: dict[str, Any] = {'machine': {**machine(), 'quick': args.quick}}
+    load = details['machine']['load_before'][0]
+    for suite in tqdm(chosen, desc='measuring', unit='suite', disable=None):
+        found, more = _measure(suite, args)
+        rows += found
+        details[suite] = more
+    write_bench(args.out, rows, details, force=args.force)
+    print(as_markdown(rows))
+    print(f'results in {args.out}; load of the machine before: {load:.1f}')
+    return 0
+
+
+def _measure(suite: str, args: argparse.Namespace) -> tuple[list[Row], Any]:
+    from gip_localizer.evaluation.benchmark import maps, profile, rectify, searches
+
+    if suite in FRAMES:
+        frames, judged = FRAMES[suite]
+        if args.quick:
+            frames, judged = max(frames // 50, 2), max(judged // 20, 1)
+        return searches.search_suite(suite, frames, judged, 1 if args.quick else 3)
+    if suite == 'noise':
+        return [], searches.noise_details(20 if args.quick else 400)
+    if suite == 'growth':
+        return [], searches.growth_details()
+    if suite == 'rectify':
+        return rectify.rectify_suite(50 if args.quick else 400)
+    if suite == 'frame':
+        return profile.profile_suite(1 if args.quick else 4)
+    if suite == 'map':
+        return maps.map_suite(1 if args.quick else 3)
+    from gip_localizer.ros.bench_drive import node_suite
+
+    return node_suite(min(args.seconds, 8.0) if args.quick else args.seconds)

@@ -1,0 +1,39 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the middleware alone takes: a subscriber that answers every image with its stamp."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import sys
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data, QoSProfile
+from sensor_msgs.msg import Image
+
+from gip_localizer.ros.running import run_node
+
+NAME = 'bench_echo'
+
+
+class BenchEcho(Node):
+    """Receives as the localizer does, with the same depth, and does nothing."""
+
+    def __init__(self) -> None:
+        super().__init__(NAME)
+        self._echo = self.create_publisher(PoseStamped, 'echo', QoSProfile(depth=10))
+        newest = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
+        self.create_subscription(Image, 'image', self._on_image, newest)
+
+    def _on_image(self, message: Image) -> None:
+        self._echo.publish(PoseStamped(header=message.header))
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(BenchEcho, NAME, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
