@@ -37,7 +37,8 @@ def test_opencv_chooses_the_same_candidate(scene):
         found = score_all(level)
         assert found.index == peer_winner(level)
         assert coarse_to_fine(level).index == found.index
-        assert np.abs(np.array(found.index) - truth).max() < 3.0  # along plain paint cells are alike
+        # along plain paint cells are alike
+        assert np.abs(np.array(found.index) - truth).max() < 3.0
 
 
 def test_the_noise_of_the_views_is_what_the_weights_say(scene):
