@@ -26,6 +26,9 @@ BETTER_BLOCKS = 0.8  # quantile of the blocks' correlations that sets the standa
 LEAST_TELLING = 0.02  # share of the weight that must stand out of the noise to tell
 LEAST_PATTERN = 5e-4  # weighted standard deviation of a map that has any pattern
 SHADING_RIDGE = 1e-3  # of the information on the gain
+DAMPING = np.array([1.0, 1.0, 25.0])  # 1/m², 1/m², 1/rad²: no step along what nothing tells
+SINGULAR = 1e-9  # least eigenvalue of an information matrix scaled to a unit diagonal
+LEAST_SPREAD = 0.05  # of the noise model's standard deviations: residuals may be small by chance
 TELLING = 0.35  # expected correlation below which a block's own says nothing
 
 
@@ -89,10 +92,17 @@ class Problem:
         """Return the Gauss-Newton step (p,)."""
         gradient = (self.instruments.T @ (self.weights * self.residual)).astype(np.float64)
         gradient -= self.scale_sq * self.prior * self.prior_offset
-        return np.asarray(np.linalg.solve(information, gradient))
+        damped = information.copy()
+        damped[range(GEOMETRY), range(GEOMETRY)] += self.scale_sq * DAMPING
+        return np.asarray(np.linalg.solve(damped, gradient))
 
     def sandwich(self, blocks: sparse.csr_matrix) -> Floats:
-        """Return the covariance (3, 3) of the geometry from the gradients' spread."""
+        """
+        Return the covariance (3, 3) of the geometry from the gradients' spread.
+
+        Never far below what the noise model expects, which is large along what nothing tells.
+
+        """
         scores = np.asarray(
             blocks @ (self.instruments * (self.weights * self.residual)[:, None]), np.float64
         )
@@ -101,7 +111,12 @@ class Problem:
         spread = scores.T @ scores * (count / max(count - len(slope), 1))
         spread += np.diag(self.scale_sq**2 * self.prior)
         inverse = np.linalg.inv(slope)
-        return np.asarray((inverse @ spread @ inverse)[:GEOMETRY, :GEOMETRY])
+        found = (inverse @ spread @ inverse)[:GEOMETRY, :GEOMETRY]
+        return np.asarray(found + LEAST_SPREAD**2 * self.expected())
+
+    def expected(self) -> Floats:
+        """Return the covariance (3, 3) of the geometry that the noise model alone explains."""
+        return _positive_inverse(self._normal(self.weights))[:GEOMETRY, :GEOMETRY]
 
     def overdispersion(self, covariance: Floats) -> float:
         """
@@ -111,8 +126,7 @@ class Problem:
         the view pull in different directions, as at a wrong place.
 
         """
-        expected = np.linalg.inv(self._normal(self.weights))[:GEOMETRY, :GEOMETRY]
-        ratio = np.trace(np.linalg.solve(expected, covariance)) / GEOMETRY
+        ratio = np.trace(np.linalg.solve(self.expected(), covariance)) / GEOMETRY
         return float(np.sqrt(max(ratio, 0.0)))
 
     def fisher(self) -> Floats:
@@ -140,6 +154,14 @@ class Problem:
             return 0.0
         spread = np.sqrt((w @ dv**2) * (w @ dm**2))
         return float(w @ (dv * dm) / spread) if spread > 1e-12 else 0.0
+
+
+def _positive_inverse(matrix: Floats) -> Floats:
+    """Inverse of a symmetric matrix (p, p) whose least eigenvalues may be rounded below zero."""
+    unit = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-30))
+    values, vectors = np.linalg.eigh(matrix * np.outer(unit, unit))
+    inverse = (vectors / np.maximum(values, SINGULAR)) @ vectors.T
+    return np.asarray(inverse * np.outer(unit, unit))
 
 
 def exposure(

@@ -73,6 +73,11 @@ class _State:
     shading: Floats = field(default_factory=lambda: np.zeros(OPTICAL_TERMS))
 
 
+def _is_covariance(matrix: Floats) -> bool:
+    """Tell whether a matrix is finite and positive definite."""
+    return bool(np.isfinite(matrix).all() and np.linalg.eigvalsh(matrix).min() > 0.0)
+
+
 class Refiner:
     """
     Gauss-Newton for one calibration.
@@ -169,7 +174,7 @@ class Refiner:
             correlation=problem.correlation(),
             agreement=state.agreement,
             overlap=known / max(float(weight.sum(dtype=np.float64)), 1e-20),
-            converged=small and drift < MAX_DRIFT and bool(np.isfinite(covariance).all()),
+            converged=small and drift < MAX_DRIFT and _is_covariance(covariance),
             chi_sq=problem.scale_sq,
             overdispersion=problem.overdispersion(spread),
         )
