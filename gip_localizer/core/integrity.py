@@ -4,10 +4,11 @@
 Whether a match is believed, and the figures that decide it.
 
 No single score tells a wrong place from a poor one: lines alone correlate well a lamp post
-further on, and a crowded road poorly at the right place. Three figures together do: how well the
-whole view correlates with the map, how much of the road agrees, and how far the parts of the view
-contradict each other about the pose. Their weights are a logistic regression over rendered frames
-at right and wrong places, on rich and poor texture, by day and night, with exact and noisy maps.
+further on, and a crowded road poorly at the right place. Four figures together do: how well the
+whole view correlates with the map, and the part of it that agrees; how much of the road agrees;
+and how far the parts of the view contradict each other about the pose. Their weights are a
+logistic regression over rendered frames at right and wrong places, on rich and poor texture, by
+day and night, with exact and noisy maps.
 
 """
 
@@ -27,10 +28,11 @@ from gip_localizer.core.tracker import Belief
 from gip_localizer.parameters import Parameters
 
 TIGHT_XY, TIGHT_YAW = 0.15, 0.03  # m, rad: standard deviations of a prior that may vouch
-CONFIDENCE_OFFSET = -2.3
-CONFIDENCE_LATTICE = 5.2  # per unit of correlation of the whole view
-CONFIDENCE_AGREEMENT = 2.3  # per share of the road that agrees
-CONFIDENCE_OVERDISPERSION = -1.0  # per natural logarithm
+CONFIDENCE_OFFSET = -5.3
+CONFIDENCE_LATTICE = 5.0  # per unit of correlation of the whole view
+CONFIDENCE_CORRELATION = 3.9  # per unit of correlation of what agrees
+CONFIDENCE_AGREEMENT = 1.5  # per share of the road that agrees
+CONFIDENCE_OVERDISPERSION = -0.9  # per natural logarithm
 RIVAL_DISTANCE = 0.2  # m from the winner at which a match is at another place
 MOST_RIVAL = 0.8  # likeness of a match at another place from which neither is believed
 
@@ -45,12 +47,13 @@ class Verdict:
     quality: dict[str, float] = field(default_factory=dict)
 
 
-def confidence(lattice_correlation: float, agreement: float, overdispersion: float) -> float:
-    """Probability that a match is at the right place, from its three figures."""
+def confidence(lattice_correlation: float, fit: Fit) -> float:
+    """Probability that a match is at the right place, from its four figures."""
     evidence = (
         CONFIDENCE_OFFSET + CONFIDENCE_LATTICE * lattice_correlation
-        + CONFIDENCE_AGREEMENT * agreement
-        + CONFIDENCE_OVERDISPERSION * math.log(max(overdispersion, 0.3))
+        + CONFIDENCE_CORRELATION * fit.correlation
+        + CONFIDENCE_AGREEMENT * fit.agreement
+        + CONFIDENCE_OVERDISPERSION * math.log(max(fit.overdispersion, 0.3))
     )
     return 1.0 / (1.0 + math.exp(-max(evidence, -700.0)))
 
@@ -129,7 +132,7 @@ def _figures(found: Found, fit: Fit) -> dict[str, float]:
     sigma = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     lattice = float(found.scores.correlation[found.surface.winner])
     return {
-        'confidence': confidence(lattice, fit.agreement, fit.overdispersion),
+        'confidence': confidence(lattice, fit),
         'correlation': fit.correlation,
         'overlap': fit.overlap,
         'agreement': fit.agreement,
