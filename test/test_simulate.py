@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+
 from drive_samples import ROUGH, SMALL
 import numpy as np
 import pytest
