@@ -26,6 +26,7 @@ from gip_localizer.parameter_specs import Value
 from gip_localizer.synthetic.renderer import Renderer
 
 MOST_RATIO = 1.2
+MOST_FRAMES = 40
 STEPS = np.array([0.004, 0.004, 0.001])  # m, m, rad: of the differences
 PURE: dict[str, Value] = {
     'sensor.bits': 16, 'sensor.full_well': 0.0, 'sensor.vignetting': 0.0,
@@ -66,9 +67,9 @@ class CramerRao:
         """The parts by name."""
         return {setup.name: setup for setup in SETUPS}
 
-    def count(self, frames: int) -> int:
+    def count(self, part: str, frames: int) -> int:
         """Return the trials of each part."""
-        return frames
+        return min(frames, MOST_FRAMES)
 
     def run(self, bench: Bench, part: str, index: int) -> list[Record]:
         """Localize one frame and compute its bound."""

@@ -62,7 +62,7 @@ class Integrity:
         """The parts by name."""
         return {setup.name: setup for group in GROUPS.values() for setup in group}
 
-    def count(self, frames: int) -> int:
+    def count(self, part: str, frames: int) -> int:
         """Return the trials of each part."""
         return frames
 

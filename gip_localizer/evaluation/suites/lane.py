@@ -34,7 +34,7 @@ class Lane:
         """Lane and road."""
         return {setup.name: setup for setup in SETUPS}
 
-    def count(self, frames: int) -> int:
+    def count(self, part: str, frames: int) -> int:
         """Return the trials of each."""
         return min(frames, MOST_FRAMES)
 

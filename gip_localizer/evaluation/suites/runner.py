@@ -46,9 +46,10 @@ def jobs(
     """Return the jobs of some suites, part by part."""
     fixed = tuple(sorted(overrides.items()))
     return [
-        Job(name, part, first, min(CHUNK, SUITES[name].count(frames) - first), seed, fixed)
+        Job(name, part, first, min(CHUNK, count - first), seed, fixed)
         for name in suites for part in SUITES[name].setups
-        for first in range(0, SUITES[name].count(frames), CHUNK)
+        for count in [SUITES[name].count(part, frames)]
+        for first in range(0, count, CHUNK)
     ]
 
 

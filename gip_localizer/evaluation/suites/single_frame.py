@@ -109,7 +109,7 @@ class SingleFrame:
         """The conditions by name."""
         return {condition.name: condition for condition in CONDITIONS}
 
-    def count(self, frames: int) -> int:
+    def count(self, part: str, frames: int) -> int:
         """Return the trials of each condition."""
         return frames
 

@@ -102,8 +102,8 @@ class Suite(Protocol):
     def setups(self) -> Mapping[str, Setup]:
         """What is rendered, by part."""
 
-    def count(self, frames: int) -> int:
-        """Return the trials of each part, of the frames that the user asks for."""
+    def count(self, part: str, frames: int) -> int:
+        """Return the trials of a part, of the frames that the user asks for."""
 
     def run(self, bench: Bench, part: str, index: int) -> list[Record]:
         """Do one trial."""

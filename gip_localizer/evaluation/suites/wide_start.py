@@ -69,7 +69,7 @@ class WideStart:
         """The conditions by name."""
         return {setup.name: setup for setup in SETUPS}
 
-    def count(self, frames: int) -> int:
+    def count(self, part: str, frames: int) -> int:
         """Return the trials of each condition."""
         return max(frames // SHARE_OF_FRAMES, 1)
 
