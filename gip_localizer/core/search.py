@@ -37,7 +37,9 @@ COARSE_CELL = 0.1  # m: cells are joined up to this side for the lattice
 REFINED_MODES = 3
 RIVAL_SHARE = 0.6  # of the best correlation on the lattice, from which a place is a rival
 RIVAL_DISTANCE = 0.3  # m from the winner
-PLAIN_WINNER = 0.9  # merit of a fit beside which no other mode needs a look
+PLAIN_WINNER = 1.0  # merit of a fit beside which no other mode needs a look, ...
+PLAIN_DISPERSION = 3.0  # ... unless the parts of the view contradict each other more than this
+ASIDE = (-0.2, 0.2)  # m ahead: starts beside a fit that is good but contradicts itself
 HOPELESS = -40.0  # log posterior below the winner's at which a mode is not refined
 
 
@@ -145,9 +147,13 @@ def search_window(
     fits: list[Fit] = []
     for start in [s for s in starts if s.log_posterior > HOPELESS][:REFINED_MODES]:
         fits.append(refined(start))
-        if fits[-1].merit > PLAIN_WINNER:
+        if fits[-1].merit > PLAIN_WINNER and fits[-1].overdispersion < PLAIN_DISPERSION:
             break
     best = max(fits, key=lambda fit: fit.merit)
+    if best.merit > PLAIN_WINNER and best.overdispersion > PLAIN_DISPERSION:
+        beside = (best.pose @ Pose2(ahead, 0.0, 0.0) for ahead in ASIDE)
+        fits += [refiner.refine(view, weight, fine, pose) for pose in beside]
+        best = max(fits, key=lambda fit: fit.merit)
     fits += [refined(start) for start in _rivals(starts, best.pose)]
     return Found(
         starts[0].scores, starts[0].surface, sorted(fits, key=lambda fit: -fit.merit)
