@@ -41,7 +41,8 @@ from gip_localizer.parameters import CameraMotion
 
 EXPOSURE_ROUNDS = (4, 2)  # reweightings of gain and offset before a stage's first step, others
 DONE_XY, DONE_YAW = 3e-4, 5e-5  # m, rad: smaller steps end a stage
-CONVERGED = 8.0  # last step, in these, below which the outcome is believed
+CONVERGED = 8.0  # last step, in these, below which the outcome is believed, ...
+CONVERGED_SIGMAS = 0.5  # ... or in standard deviations of the outcome
 MAX_STEP = np.array([0.15, 0.15, 0.03])  # m, m, rad: no step may leave the basin
 MAX_DRIFT = 1.0  # m from the start
 OUTLIER_SCALE = 3.0  # residuals beyond this many standard deviations lose their weight
@@ -70,12 +71,21 @@ class _State:
     exposure: tuple[float, float] | None = None
     agreeing: Floats | None = None
     agreement: float = 1.0
+    step: Floats = field(default_factory=lambda: np.zeros(3))
     shading: Floats = field(default_factory=lambda: np.zeros(OPTICAL_TERMS))
 
 
 def _is_covariance(matrix: Floats) -> bool:
     """Tell whether a matrix is finite and positive definite."""
     return bool(np.isfinite(matrix).all() and np.linalg.eigvalsh(matrix).min() > 0.0)
+
+
+def _is_small(step: Floats, covariance: Floats) -> bool:
+    """Tell whether a last step (3,) is little against the outcome's standard deviations."""
+    least = CONVERGED * np.array([DONE_XY, DONE_XY, DONE_YAW])
+    return bool(np.all(
+        np.abs(step) < np.maximum(least, CONVERGED_SIGMAS * np.sqrt(np.diag(covariance)))
+    ))
 
 
 class Refiner:
@@ -148,7 +158,7 @@ class Refiner:
             state.agreeing = None
             joined, weights = coarsened(view, weight, stage.factor)
             seen = joined.patch.ravel()[stage.index]
-            problem, small = self._descend(
+            problem = self._descend(
                 stage, seen, weights.ravel()[stage.index],
                 raster_map.smoothed(stage.resolution), state,
             )
@@ -174,14 +184,15 @@ class Refiner:
             correlation=problem.correlation(),
             agreement=state.agreement,
             overlap=known / max(float(weight.sum(dtype=np.float64)), 1e-20),
-            converged=small and drift < MAX_DRIFT and _is_covariance(covariance),
+            converged=drift < MAX_DRIFT and _is_covariance(covariance)
+            and _is_small(state.step, covariance),
             chi_sq=problem.scale_sq,
             overdispersion=problem.overdispersion(spread),
         )
 
     def _descend(
         self, stage: Stage, values: Floats, weights: Floats, raster_map: RasterMap, state: _State
-    ) -> tuple[Problem, bool]:
+    ) -> Problem:
         """Step until the steps are small; moves the state in place."""
         for count in range(stage.steps):
             rounds = EXPOSURE_ROUNDS[min(count, 1)]
@@ -189,16 +200,18 @@ class Refiner:
                 rounds = 0
             problem = self._linearise(stage, values, weights, raster_map, state, rounds=rounds)
             if np.count_nonzero(problem.all_weights) < MIN_CELLS:
-                return problem, False
+                state.step = np.full(3, np.inf)
+                return problem
             step = self._move(state, problem.step(problem.information()))
             if step < 1.0 and count >= stage.plain:
                 break
-        return problem, step < CONVERGED
+        return problem
 
     def _move(self, state: _State, step: Floats) -> float:
         """Move the state; return the length of the step (below 1: done)."""
         x, y, yaw = (float(s) for s in np.clip(step[:3], -MAX_STEP, MAX_STEP))
         state.pose = state.pose @ Pose2(x, y, yaw)
+        state.step = np.array([x, y, yaw])
         state.camera_motion[self._moving] += step[3 : 3 + len(self._moving)]
         return max(abs(x) / DONE_XY, abs(y) / DONE_XY, abs(yaw) / DONE_YAW)
 
