@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 import math
 
 import numpy as np
@@ -104,7 +105,7 @@ def pose_bound(bench: Bench, truth: Pose2) -> Floats:
 
     """
     sensor = bench.drive.parameters.sensor
-    renderer = Renderer(bench.drive.world.raster, bench.drive.camera)
+    renderer = _renderer(bench)
     seen = _pixels_of_view(bench)
     columns = []
     for step in np.diag(STEPS).tolist():
@@ -112,11 +113,17 @@ def pose_bound(bench: Bench, truth: Pose2) -> Floats:
         behind = renderer.render(truth @ Pose2(*(-s for s in step)))[seen]
         columns.append(sensor.gain * (ahead - behind) / (2.0 * sum(step)))
     columns += [renderer.render(truth)[seen], np.ones(np.count_nonzero(seen))]
-    jacobian = np.stack(columns, axis=1).astype(np.float64)
-    information = jacobian.T @ jacobian / sensor.read_noise**2
+    jacobian = np.stack(columns, axis=1)
+    information = (jacobian.T @ jacobian).astype(np.float64) / sensor.read_noise**2
     return np.asarray(np.linalg.inv(information)[:3, :3])
 
 
+@lru_cache(maxsize=1)
+def _renderer(bench: Bench) -> Renderer:
+    return Renderer(bench.drive.world.raster, bench.drive.camera)
+
+
+@lru_cache(maxsize=1)
 def _pixels_of_view(bench: Bench) -> Bools:
     """Tell the pixels (height, width) whose road lies in the bird's-eye view."""
     camera, view = bench.drive.camera, bench.parameters.birdseye
