@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.birdseye import View
 from gip_localizer.core.matching import Scores
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.tracker import Belief
@@ -63,14 +62,6 @@ def independent_cells(weight: Floats) -> float:
     """Effective number of independent cells under the weights, at least 1."""
     total, squares = float(weight.sum(dtype=np.float64)), float((weight.astype(float) ** 2).sum())
     return max(total**2 / max(squares, 1e-30) / CELLS_PER_INDEPENDENT, 1.0)
-
-
-def contrast(view: View, weight: Floats) -> float:
-    """Weighted standard deviation of the view, grey levels of [0, 1]."""
-    if not weight.any():
-        return 0.0
-    mean = np.average(view.patch, weights=weight)
-    return float(np.sqrt(np.average((view.patch - mean) ** 2, weights=weight)))
 
 
 def posterior_surface(scores: Scores, cells: float, prior: Belief | None) -> Surface:

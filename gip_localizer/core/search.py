@@ -32,6 +32,7 @@ from gip_localizer.core.posterior import (
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.refinement import Refiner
 from gip_localizer.core.tracker import Belief
+from gip_localizer.core.windows import Extent
 
 COARSE_CELL = 0.1  # m: cells are joined up to this side for the lattice
 REFINED_MODES = 3
@@ -39,17 +40,6 @@ RIVAL_SHARE = 0.6  # of the best correlation on the lattice, from which a place 
 RIVAL_DISTANCE = 0.3  # m from the winner
 PLAIN_WINNER = 0.9  # merit of a fit beside which no other mode needs a look
 HOPELESS = -40.0  # log posterior below the winner's at which a mode is not refined
-
-
-@dataclass(frozen=True)
-class Extent:
-    """Half-widths of a window (m, m, rad), its step in heading (rad) and least overlap."""
-
-    x: float
-    y: float
-    yaw: float
-    yaw_step: float
-    min_overlap: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +129,10 @@ def search_window(
         key=lambda start: start.residual,
     )
 
+    layers = refiner.layers(view, weight, fine)
+
     def refined(start: _Start) -> Fit:
-        return refiner.refine(view, weight, fine, start.pose, pitch=start.pitch)
+        return refiner.refine(layers, start.pose, pitch=start.pitch)
 
     fits: list[Fit] = []
     for start in [s for s in starts if s.log_posterior > HOPELESS][:REFINED_MODES]:
