@@ -125,7 +125,9 @@ class Descent:
             problem = self._linearise(self._rounds(count))
             if np.count_nonzero(problem.all_weights) < MIN_CELLS:
                 return problem, False
-            step = problem.step()
+            if self._seen is None:
+                information = problem.information
+            step = problem.step(information)
             length = self._move(step)
             if length < stage.factor and count >= stage.plain:
                 break
@@ -195,12 +197,12 @@ class Descent:
         sampled = samples.values if self._shade is None else samples.values * self._shade
         predicted = self._stage.blurred(sampled)
         if self._columns is None:
-            self._columns = self._slopes(samples, sampled, predicted, (x, y))
+            self._columns = self._slopes(samples, sampled, (x, y))
         known = self._layer.weights
         return predicted, known if samples.valid is None else known * samples.valid
 
     def _slopes(
-        self, samples: Samples, sampled: Floats, predicted: Floats, points: tuple[Floats, Floats]
+        self, samples: Samples, sampled: Floats, points: tuple[Floats, Floats]
     ) -> tuple[Floats, Floats]:
         """Columns (n, p) of the unblurred map, and behind the pixel blur."""
         x, y = points
@@ -210,15 +212,10 @@ class Descent:
         tangents = [self._stage.sway.tangents[k] for k in self._unknowns.moving]
         columns = [ahead, left, left * x - ahead * y]
         columns += [ahead * along_x + left * along_y for along_x, along_y in tangents]
-        geometry = np.stack(columns, axis=1)
-        blurred = self._stage.blurred(geometry)
-        if not self._unknowns.normalized:
-            return geometry, blurred
-        ones = np.ones_like(sampled)
-        instruments = np.column_stack([geometry, sampled, ones])
-        if blurred is geometry:
-            return instruments, instruments
-        return instruments, np.column_stack([blurred, predicted, ones])
+        if self._unknowns.normalized:
+            columns += [sampled, np.ones_like(sampled)]
+        instruments = np.stack(columns, axis=1)
+        return instruments, self._stage.blurred(instruments)
 
     def _agreed(self, predicted: Floats, weights: Floats) -> Floats:
         """Weights without the blocks that do not show the map; found once."""

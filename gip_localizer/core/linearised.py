@@ -87,11 +87,11 @@ class Problem:
         ridge = 1e-9 * np.diag(matrix) + 1e-12
         return np.asarray(matrix + np.diag(self.scale_sq * self.prior + ridge))
 
-    def step(self) -> Floats:
-        """Return the Gauss-Newton step (p,)."""
+    def step(self, information: Floats) -> Floats:
+        """Return the Gauss-Newton step (p,) with this matrix, or one near it."""
         gradient = self.scales * (self.instruments.T @ (self.weights * self.residual))
         gradient -= self.scale_sq * self.prior * self.prior_offset
-        damped = self.information.copy()
+        damped = information.copy()
         damped[range(GEOMETRY), range(GEOMETRY)] += self.scale_sq * DAMPING
         return np.asarray(np.linalg.solve(damped, gradient))
 
