@@ -77,7 +77,6 @@ class Localizer:
         self.parameters = parameters
         self.tracker.configure(parameters.motion)
         self.standing.configure(parameters)
-        self._optics = None
 
     def set_prior(self, stamp_ns: int, pose: Pose2, covariance: Floats) -> None:
         """
@@ -178,7 +177,7 @@ class Localizer:
     def _prepare(self, stamp_ns: int, camera: CameraModel) -> Estimate | None:
         try:
             with self._stage('calibrate'):
-                if self._optics is None or self._optics.key != camera.key():
+                if self._optics is None or not self._optics.serves(camera, self.parameters):
                     self._optics = Optics(camera, self.parameters)
         except CalibrationError as error:
             self._optics = None
