@@ -31,7 +31,8 @@ from gip_localizer.core.stages import OPTICAL_TERMS, Stage
 EXPOSURE_ROUNDS = (2, 1)  # reweightings of gain and offset before a stage's first step, others
 FIRST_ROUNDS = 2  # more where the exposure was not known before
 DONE_XY, DONE_YAW = 3e-4, 5e-5  # m, rad: smaller steps end the last stage
-CONVERGED = 8.0  # last step, in these, below which the outcome is believed
+CONVERGED = 8.0  # last step, in these, below which the outcome is believed, ...
+CONVERGED_SIGMAS = 0.5  # ... or in standard deviations of the outcome
 LINEAR = 10.0  # step, in these, up to which the slopes tell the map's values
 STALE = 20.0  # step, in these, up to which the slopes themselves hold
 MAX_STEP = np.array([0.15, 0.15, 0.03])  # m, m, rad: no step may leave the basin
@@ -73,12 +74,13 @@ class Unknowns:
 
 @dataclass(eq=False)
 class State:
-    """Pose; pitch, roll (rad), height (m) relative to the calibration; what the view is like."""
+    """Pose, camera's motion (pitch, roll, height), last step; what the view is like."""
 
     pose: Pose2
     camera_motion: Floats
     exposure: tuple[float, float] | None = None
     agreement: float = 1.0
+    step: Floats = field(default_factory=lambda: np.zeros(3))
     shading: Floats = field(default_factory=lambda: np.zeros(OPTICAL_TERMS))
 
 
@@ -118,13 +120,14 @@ class Descent:
             shade = self._stage.optical @ state.shading.astype(np.float32)
             self._shade = np.float32(1.0) + shade
 
-    def run(self) -> tuple[Problem, bool]:
-        """Step until the steps are small; return the last problem, and whether they are."""
+    def run(self) -> Problem:
+        """Step until the steps are small; return the last problem."""
         stage = self._stage
         for count in range(stage.steps):
             problem = self._linearise(self._rounds(count))
             if np.count_nonzero(problem.all_weights) < MIN_CELLS:
-                return problem, False
+                self._state.step = np.full(3, np.inf)
+                return problem
             if self._seen is None:
                 information = problem.information
             step = problem.step(information)
@@ -132,7 +135,7 @@ class Descent:
             if length < stage.factor and count >= stage.plain:
                 break
             self._foresee(problem, step, length)
-        return problem, length < CONVERGED * stage.factor
+        return problem
 
     def _rounds(self, count: int) -> int:
         """Reweightings before a step; none while misalignment looks like outliers."""
@@ -162,6 +165,7 @@ class Descent:
         """Move the state; return the length of the step (below 1: done)."""
         x, y, yaw = (float(s) for s in np.clip(step[:3], -MAX_STEP, MAX_STEP))
         moving = self._unknowns.moving
+        self._state.step = np.array([x, y, yaw])
         self._state.pose = self._state.pose @ Pose2(x, y, yaw)
         self._state.camera_motion[moving] += step[3 : 3 + len(moving)]
         return max(abs(x) / DONE_XY, abs(y) / DONE_XY, abs(yaw) / DONE_YAW)
@@ -242,3 +246,10 @@ class Descent:
             return 1.0, 0.0, values - predicted
         gain, offset = known or exposure(values, predicted, weights, least_gain=MIN_GAIN)
         return gain, offset, values - (np.float32(gain) * predicted + np.float32(offset))
+
+
+def settled(step: Floats, covariance: Floats) -> bool:
+    """Tell whether a last step (3,) is little against the outcome's standard deviations."""
+    least = CONVERGED * np.array([DONE_XY, DONE_XY, DONE_YAW])
+    sigmas = np.sqrt(np.diag(covariance))
+    return bool(np.all(np.abs(step) < np.maximum(least, CONVERGED_SIGMAS * sigmas)))

@@ -5,9 +5,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.pose import Pose2
+
+MOST_CORRELATION = 0.9999  # beyond which fits are equally good
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +69,18 @@ class Fit:
     overdispersion: float
 
     @property
+    def evidence(self) -> float:
+        """Log likelihood per cell that the map gains over a blank road, `-ln(1 - c²)/2`."""
+        unexplained = 1.0 - min(max(self.correlation, 0.0), MOST_CORRELATION) ** 2
+        return -0.5 * math.log(unexplained)
+
+    @property
     def merit(self) -> float:
-        """How good the fit is among fits at other places: how much agrees, and how well."""
-        return self.agreement * max(self.correlation, 0.0)
+        """
+        How good the fit is among fits at other places: how much agrees, and how well.
+
+        The evidence over the share of the road that agrees: a fit that gives up the paint for
+        a larger share of weak asphalt does not win.
+
+        """
+        return self.agreement * self.evidence

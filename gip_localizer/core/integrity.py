@@ -27,13 +27,15 @@ from gip_localizer.core.tracker import Belief
 from gip_localizer.parameters import Parameters
 
 TIGHT_XY, TIGHT_YAW = 0.15, 0.03  # m, rad: standard deviations of a prior that may vouch
-CONFIDENCE_OFFSET = -5.3
-CONFIDENCE_LATTICE = 5.0  # per unit of correlation of the whole view
-CONFIDENCE_CORRELATION = 3.9  # per unit of correlation of what agrees
-CONFIDENCE_AGREEMENT = 1.5  # per share of the road that agrees
-CONFIDENCE_OVERDISPERSION = -0.9  # per natural logarithm
+CONFIDENCE_OFFSET = -5.9
+CONFIDENCE_LATTICE = 4.9  # per unit of correlation of the whole view
+CONFIDENCE_EVIDENCE = 3.3  # per unit of log likelihood that the map gains in what agrees
+CONFIDENCE_AGREEMENT = 1.2  # per share of the road that agrees
+CONFIDENCE_OVERDISPERSION = -0.95  # per natural logarithm
+MOST_EVIDENCE = 2.0  # beyond which it tells no more
+MOST_OVERDISPERSION = 6.0  # from which the parts of the view contradict each other
 RIVAL_DISTANCE = 0.2  # m from the winner at which a match is at another place
-MOST_RIVAL = 0.8  # likeness of a match at another place from which neither is believed
+MOST_RIVAL = 0.88  # likeness of a match at another place from which neither is believed
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +52,7 @@ def confidence(lattice_correlation: float, fit: Fit) -> float:
     """Probability that a match is at the right place, from its four figures."""
     evidence = (
         CONFIDENCE_OFFSET + CONFIDENCE_LATTICE * lattice_correlation
-        + CONFIDENCE_CORRELATION * fit.correlation
+        + CONFIDENCE_EVIDENCE * min(fit.evidence, MOST_EVIDENCE)
         + CONFIDENCE_AGREEMENT * fit.agreement
         + CONFIDENCE_OVERDISPERSION * math.log(max(fit.overdispersion, 0.3))
     )
@@ -166,6 +168,11 @@ def _decide(
             f'confidence {quality["confidence"]:.2f} is below integrity.{name} {least:g} '
             f'(correlation of the view {quality["lattice_correlation"]:.2f}, '
             f'{fit.agreement:.0%} of the road agrees, overdispersion {fit.overdispersion:.1f})'
+        )
+    if fit.overdispersion > MOST_OVERDISPERSION and not expected:
+        return Status.NO_MATCH, (
+            f'the parts of the view contradict each other: overdispersion '
+            f'{fit.overdispersion:.1f}, limit {MOST_OVERDISPERSION:g}'
         )
     if fit.overlap < parameters.score.min_overlap:
         return Status.LOW_OVERLAP, (

@@ -23,6 +23,7 @@ from gip_localizer.core.robust import LEAST_PATTERN
 
 GEOMETRY = 3  # x, y, yaw come first in the state
 DAMPING = np.array([1.0, 1.0, 25.0])  # 1/m², 1/m², 1/rad²: no step along what nothing tells
+WIDEST = np.array([30.0, 30.0, 3.0])  # m, m, rad: what is known of any pose near its start
 SINGULAR = 1e-9  # least eigenvalue of an information matrix scaled to a unit diagonal
 LEAST_SPREAD = 0.05  # of the noise model's standard deviations: residuals may be small by chance
 
@@ -85,6 +86,7 @@ class Problem:
         matrix = (weighted.T @ self.slopes).astype(np.float64)
         matrix = 0.5 * (matrix + matrix.T) * np.outer(self.scales, self.scales)
         ridge = 1e-9 * np.diag(matrix) + 1e-12
+        ridge[:GEOMETRY] += 1.0 / WIDEST**2
         return np.asarray(matrix + np.diag(self.scale_sq * self.prior + ridge))
 
     def step(self, information: Floats) -> Floats:

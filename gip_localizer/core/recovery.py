@@ -124,13 +124,12 @@ def _with_rivals(found: list[Found], cells: float) -> Found:
     """Return the best local search, its winner's mass weighed against the other places."""
     best = found[0]
     winner = best.fits[0]
-    rest = max(1.0 - winner.merit ** 2, 1e-6)
     rivals = [
         f.fits[0] for f in found[1:]
         if math.hypot(f.fits[0].pose.x - winner.pose.x, f.fits[0].pose.y - winner.pose.y) > 0.2
     ]
     evidence = [
-        math.exp(max(-0.5 * cells * ((1.0 - f.merit ** 2) / rest - 1.0), -700.0))
+        math.exp(max(-0.5 * cells * math.expm1(2.0 * (winner.merit - f.merit)), -700.0))
         for f in rivals
     ]
     mass = 1.0 / (1.0 + sum(evidence))

@@ -22,7 +22,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats, Ints
 from gip_localizer.core.birdseye import Rectifier, View
-from gip_localizer.core.descent import Descent, Layer, State, Unknowns
+from gip_localizer.core.descent import Descent, Layer, settled, State, Unknowns
 from gip_localizer.core.fit import Fit
 from gip_localizer.core.levels import coarsened
 from gip_localizer.core.linearised import Problem
@@ -128,13 +128,15 @@ class Refiner:
         for layer in layers:
             coarser = state.pose
             descent = Descent(layer, state, self._unknowns)
-            problem, small = descent.run()
+            problem = descent.run()
             if self._unknowns.normalized and layer is not layers[-1]:
                 state.shading = descent.shaded(problem)
         drift = math.hypot(state.pose.x - start.x, state.pose.y - start.y)
         spread = problem.sandwich(self._blocks)
         covariance = spread + _beyond(coarser, state.pose, layers[-1].raster_map.resolution)
-        converged = small and drift < MAX_DRIFT and _is_covariance(covariance)
+        converged = (
+            drift < MAX_DRIFT and _is_covariance(covariance) and settled(state.step, covariance)
+        )
         weight = float(layers[-1].weights.sum(dtype=np.float64))
         return _fit(problem, state, spread, covariance, weight, converged=converged)
 

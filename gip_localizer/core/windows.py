@@ -18,13 +18,28 @@ FOLLOWED_MARGIN = (0.2, 0.0175)  # m, rad: and this beyond them
 
 @dataclass(frozen=True)
 class Extent:
-    """Half-widths of a window (m, m, rad), its step in heading (rad) and least overlap."""
+    """
+    A window of candidates.
+
+    Attributes
+    ----------
+    x, y, yaw : float
+        Half-widths, m, m, rad.
+    yaw_step : float
+        Step in heading, rad.
+    min_overlap : float
+        Least share of the weight on known map cells.
+    modes : int
+        Most peaks of the score surface that are refined while none is plainly the winner.
+
+    """
 
     x: float
     y: float
     yaw: float
     yaw_step: float
     min_overlap: float
+    modes: int = 3
 
 
 def whole(_: Belief, parameters: Parameters) -> Extent:
@@ -51,7 +66,7 @@ def followed(prior: Belief, parameters: Parameters) -> Extent:
     near_yaw = FOLLOWED_SIGMAS * sigma_yaw + FOLLOWED_MARGIN[1]
     return Extent(
         min(search.x, near), min(search.y, near), min(search.yaw, near_yaw), search.yaw_step,
-        parameters.score.min_overlap,
+        parameters.score.min_overlap, modes=1,
     )
 
 

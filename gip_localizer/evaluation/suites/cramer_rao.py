@@ -34,18 +34,19 @@ PURE: dict[str, Value] = {
 }
 """White noise alone, and a map that is the world."""
 FINE: dict[str, Value] = {**STILL, 'birdseye.resolution': 0.025}
-"""Cells of the view half as large as the map's, so that no detail of the map is averaged away."""
+"""Cells of the view half as large as the map's, so that hardly any detail is averaged away."""
 SETUPS = (
-    replace(TILES, name='tiles, -3 dB', camera={**TILES.camera, **PURE}),
-    Setup(
-        name='road, noise 0.1', title='the road, white noise of a tenth of full scale',
-        scenario='clear', camera={**CAR_CAMERA, **PURE, 'sensor.read_noise': 0.1,
-                                  'sensor.gain': 0.8, 'sensor.offset': 0.1},
-        localizer=FINE,
-    ),
+    replace(TILES, name='tiles, -3 dB', camera={**TILES.camera, **PURE},
+            localizer={**TILES.localizer, 'birdseye.resolution': 0.0125}),
     Setup(
         name='road, noise 0.2', title='the road, white noise of a fifth of full scale',
         scenario='clear', camera={**CAR_CAMERA, **PURE, 'sensor.read_noise': 0.2,
+                                  'sensor.gain': 0.6, 'sensor.offset': 0.2},
+        localizer=FINE,
+    ),
+    Setup(
+        name='road, noise 0.3', title='the road, white noise of three tenths of full scale',
+        scenario='clear', camera={**CAR_CAMERA, **PURE, 'sensor.read_noise': 0.3,
                                   'sensor.gain': 0.6, 'sensor.offset': 0.2},
         localizer=FINE,
     ),
