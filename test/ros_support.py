@@ -25,7 +25,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
 from sensor_msgs.msg import CameraInfo, Image  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
-PATIENCE = 20.0
+PATIENCE = 60.0  # s: a busy machine takes its time
 
 
 class Tester(Node):

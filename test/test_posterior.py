@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from gip_localizer.core.birdseye import View
+from gip_localizer.core.estimate import Match
 from gip_localizer.core.matching import make_lattice, Scores
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.posterior import (
-    contrast,
     independent_cells,
     modes,
     posterior_surface,
@@ -146,5 +146,5 @@ def test_contrast_is_the_weighted_deviation():
     weight = np.zeros(GRID.shape, np.float32)
     weight[:10] = 2.0
     view = View(patch, weight, weight > 0.0, GRID)
-    assert contrast(view, weight) == pytest.approx(patch[:10].std(), rel=1e-5)
-    assert contrast(view, np.zeros_like(weight)) == 0.0
+    assert Match(view, weight).contrast == pytest.approx(patch[:10].std(), rel=1e-5)
+    assert Match(view, np.zeros_like(weight)).contrast == 0.0

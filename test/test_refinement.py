@@ -26,7 +26,7 @@ def fit(road, image, start, *, refiner=None, noise=0.01, **kwargs):
     view = RECTIFIER.rectify(image)
     weight = gramian(view.footprint, pixel_noise=noise, map_noise=0.02)
     crop = road.map.crop(start.transform(RECTIFIER.grid.corners()), margin=1.5, cell=0.05)
-    return refiner.refine(view, weight, crop, start, **kwargs)
+    return refiner.refine(refiner.layers(view, weight, crop), start, **kwargs)
 
 
 def assert_near(pose, truth, *, xy=0.02, yaw=0.002):
@@ -118,6 +118,6 @@ def test_off_the_map_nothing_converges(road):
     view = RECTIFIER.rectify(road.frame(CAMERA, truth))
     weight = gramian(view.footprint, pixel_noise=0.01, map_noise=0.02)
     refiner = Refiner(RECTIFIER, FIXED, normalized=True, robust=True)
-    found = refiner.refine(view, weight, blind, truth)
+    found = refiner.refine(refiner.layers(view, weight, blind), truth)
     assert not found.converged
     assert found.overlap == 0.0

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 
 from bag_samples import EPOCH, ODOM, serialized, small_drive, write_mcap
-from drive_samples import replayed
+from drive_samples import recorded, replayed
 import numpy as np
 import pytest
 
@@ -41,22 +41,30 @@ def nodes(tmp_path):
         yield processes
 
 
-def play(tester, nodes, bag, listened, **parameters):
-    """Start the player, paused until all who listen are matched; then let it play."""
+def play(nodes, bag, listened, **parameters):
+    """Start the player, which waits until all who listen are matched."""
     remappings = parameters.pop('remappings', ())
-    process = nodes.start('bag_player', {'bag': str(bag), 'paused': True, **parameters},
-                          remappings)  # fmt: skip
-    tester.until(lambda: all(tester.count_publishers(topic) for topic in listened), 'the player',
-                 process)  # fmt: skip
-    assert tester.switch('/bag_player/pause', on=False).success
-    return process
+    waiting = {'bag': str(bag), 'wait_for': ','.join(listened)}
+    return nodes.start('bag_player', {**waiting, **parameters}, remappings)
+
+
+def prepared(tester, bag):
+    """Publish the bag's calibration until the localizer has taken it in."""
+    [info, *_] = [raw for topic, _, _, raw in recorded(bag) if topic == '/camera_info']
+
+    def taken():
+        tester.info.publish(info)
+        return tester.said('calibration', 'OK')
+
+    tester.until(tester.matched, 'the localizer')
+    tester.until(taken, 'the calibration')
 
 
 def test_the_bytes_of_the_bag_arrive_under_another_name(tester, nodes, tmp_path):
     bag = write_mcap(tmp_path / 'a.mcap', STREAM)
     heard = []
     tester.create_subscription(Odometry, '/wheels', heard.append, 100, raw=True)
-    process = play(tester, nodes, bag, ['/wheels'], start=1.0, topics='/odom', rate=4.0,
+    process = play(nodes, bag, ['/odom'], start=1.0, topics='/odom', rate=4.0,
                    remappings=['/odom:=/wheels'])  # fmt: skip
     tester.until(lambda: process.poll() is not None, 'the end of the bag')
     late = [raw for _, kind, log, raw in STREAM if kind == ODOM and log >= EPOCH + 10**9]
@@ -68,7 +76,7 @@ def test_a_loop_begins_again(tester, nodes, tmp_path):
     bag = write_mcap(tmp_path / 'a.mcap', STREAM)
     stamps = []
     tester.create_subscription(Odometry, '/odom', lambda m: stamps.append(stamp_ns(m.header)), 100)
-    play(tester, nodes, bag, ['/odom'], loop=True, rate=20.0)
+    play(nodes, bag, ['/odom'], loop=True, rate=20.0)
     tester.until(lambda: len(stamps) > 45, 'a second round')
     assert stamps[40] == stamps[0]
 
@@ -80,9 +88,8 @@ def test_node_and_replay_give_the_same_poses(tester, nodes, drive, tmp_path):
         {'map_file': str(drive / 'map.yaml'), 'birdseye.resolution': 0.1}
     )
     nodes.start('localizer', settings.to_dict())
-    tester.until(lambda: tester.count_publishers('pose') and tester.count_subscribers('/image'),
-                 'the localizer')  # fmt: skip
-    process = play(tester, nodes, drive, ['/image', '/odom', '/camera_info'], rate=0.25)
+    prepared(tester, drive)
+    process = play(nodes, drive, ['/image', '/odom', '/camera_info'], rate=0.25)
     tester.until(lambda: process.poll() is not None, 'the end of the bag')
     last = int(offline.stamps_ns[-1])
     tester.until(lambda: stamp_ns(tester.poses[-1].header) >= last, 'the last pose')

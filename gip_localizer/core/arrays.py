@@ -10,5 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.floating[Any]]
+Ints = NDArray[np.int_]
 Bools = NDArray[np.bool_]
 Grey = NDArray[Any]

@@ -31,21 +31,20 @@ class CameraSway:
 
     def __init__(self, camera: CameraModel, points: Floats) -> None:
         self._pose = camera.extrinsics
-        self.points = points.astype(np.float32)
+        self.x, self.y = _planes(points)
         ahead = points - camera.extrinsics.position()[:2]
         heights = np.full(len(points), -camera.extrinsics.z)
-        self._rays = np.column_stack([ahead, heights]).astype(np.float32)
-        self._planes = [np.ascontiguousarray(self._rays[:, k]) for k in range(3)]
+        self._rays = np.column_stack([ahead, heights])
+        self._planes = [np.ascontiguousarray(k, np.float32) for k in self._rays.T]
         self.tangents = [self._tangent(unit) for unit in np.eye(3)]
 
-    def road_points(self, motion: Floats) -> Floats:
-        """Return the road points (n, 2) float32 for a motion (3,): pitch, roll (rad), height."""
+    def road_points(self, motion: Floats) -> tuple[Floats, Floats]:
+        """Return x and y (n,) float32 of the road points: motion is pitch, roll (rad), height."""
         if not motion.any():
-            return self.points
+            return self.x, self.y
         x, y, z = self._turn(motion)
         scale = np.float32(-(self._pose.z + motion[2])) / np.minimum(z, np.float32(-1e-3))
-        here = np.float32(self._pose.x), np.float32(self._pose.y)
-        return np.stack([here[0] + x * scale, here[1] + y * scale], axis=1)
+        return np.float32(self._pose.x) + x * scale, np.float32(self._pose.y) + y * scale
 
     def _turn(self, motion: Floats) -> list[Floats]:
         moved = replace(
@@ -55,18 +54,24 @@ class CameraSway:
         a, b, c = self._planes
         return [turn[k, 0] * a + turn[k, 1] * b + turn[k, 2] * c for k in range(3)]
 
-    def _tangent(self, unit: Floats) -> Floats:
-        """Motion of the road points (n, 2) per unit of one component."""
-        nominal, height = self._rays.astype(np.float64), self._pose.z
+    def _tangent(self, unit: Floats) -> tuple[Floats, Floats]:
+        """Motion in x and y (n,) of the road points per unit of one component."""
+        height = self._pose.z
         if unit[2]:
-            return (nominal[:, :2] / height).astype(np.float32)
+            return _planes(self._rays[:, :2] / height)
         turned = replace(
             self._pose, pitch=self._pose.pitch + SMALL * unit[0],
             roll=self._pose.roll + SMALL * unit[1],
         )
-        rays = nominal @ (turned.rotation() @ self._pose.rotation().T).T
+        rays = self._rays @ (turned.rotation() @ self._pose.rotation().T).T
         moved = rays[:, :2] * (-height / np.minimum(rays[:, 2], -1e-3))[:, None]
-        return ((moved - nominal[:, :2]) / SMALL).astype(np.float32)
+        return _planes((moved - self._rays[:, :2]) / SMALL)
+
+
+def _planes(points: Floats) -> tuple[Floats, Floats]:
+    """Columns of (n, 2) as contiguous float32."""
+    x, y = (np.ascontiguousarray(k, np.float32) for k in points.T)
+    return x, y
 
 
 def pitched(camera: CameraModel, view: View, weight: Floats, pitch: float) -> tuple[View, Floats]:

@@ -6,6 +6,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
+import math
+
+import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import View
@@ -61,6 +65,16 @@ class Match:
     weight: Floats
     scores: Scores | None = None
     fit: Fit | None = None
+
+    @cached_property
+    def contrast(self) -> float:
+        """Weighted standard deviation of the view, grey levels of [0, 1]."""
+        total = float(self.weight.sum(dtype=np.float64))
+        if total <= 0.0:
+            return 0.0
+        values, weight = self.view.patch.ravel(), self.weight.ravel()
+        centred = values - np.float32(weight @ values / total)
+        return math.sqrt(max(float(weight @ centred**2) / total, 0.0))
 
 
 @dataclass(frozen=True, eq=False)

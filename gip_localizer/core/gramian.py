@@ -18,6 +18,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats, Grey
 
+NOISE_BANDS = 24  # of three rows, spread over the image, that tell the noise
 NOISE_FLOOR = 0.25 / 255.0  # grey levels of [0, 1]: rounding to 8 bits alone gives 0.29/255
 
 
@@ -106,8 +107,8 @@ def estimate_pixel_noise(image: Grey) -> float:
 
 
 def _rows_of_three(image: Grey) -> Floats:
-    """Return bands of three neighbouring rows, at most 60 of them, as float32."""
-    rows = np.arange(0, image.shape[0] - 2, max(image.shape[0] // 60, 3))
+    """Return bands of three neighbouring rows, about `NOISE_BANDS` of them, as float32."""
+    rows = np.arange(0, image.shape[0] - 2, max(image.shape[0] // NOISE_BANDS, 3))
     return np.ascontiguousarray(
         image[(rows[:, None] + np.arange(3)).ravel()].astype(np.float32)
     )

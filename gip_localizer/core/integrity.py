@@ -22,7 +22,6 @@ import numpy as np
 from gip_localizer.core.estimate import Match, Status
 from gip_localizer.core.fit import Fit
 from gip_localizer.core.pose import difference
-from gip_localizer.core.posterior import contrast
 from gip_localizer.core.search import Found
 from gip_localizer.core.tracker import Belief
 from gip_localizer.parameters import Parameters
@@ -84,7 +83,7 @@ def judge(
 
     """
     limits = parameters.integrity
-    seen = contrast(match.view, match.weight)
+    seen = match.contrast
     quality = {'contrast': seen}
     if seen < limits.min_contrast:
         return Verdict(Status.LOW_CONTRAST, (

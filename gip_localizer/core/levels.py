@@ -40,11 +40,12 @@ def coarsened(view: View, weight: Floats, factor: int) -> tuple[View, Floats]:
         return view, weight
     grid = view.grid
     rows, cols = math.ceil(grid.rows / factor), math.ceil(grid.cols / factor)
-    pad = ((0, rows * factor - grid.rows), (0, cols * factor - grid.cols))
+    bottom, right = rows * factor - grid.rows, cols * factor - grid.cols
 
     def joined(values: Floats) -> Floats:
-        padded = np.pad(values, pad).reshape(rows, factor, cols, factor)
-        return np.asarray(padded.sum(axis=(1, 3), dtype=np.float32))
+        padded = cv2.copyMakeBorder(values, 0, bottom, 0, right, cv2.BORDER_CONSTANT)
+        means = cv2.resize(padded, (cols, rows), interpolation=cv2.INTER_AREA)
+        return np.asarray(means * np.float32(factor**2))
 
     total = joined(weight)
     patch = joined(weight * view.patch) / np.maximum(total, np.float32(1e-20))

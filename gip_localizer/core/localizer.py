@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-import math
 import time
 
 import numpy as np
@@ -27,16 +26,14 @@ from gip_localizer.core.integrity import judge, Verdict
 from gip_localizer.core.odometry import OdometrySample, REWIND_NS
 from gip_localizer.core.optics import Optics
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.posterior import contrast
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.recovery import global_search
-from gip_localizer.core.search import Extent, Found, search_window
+from gip_localizer.core.search import Found, search_window
+from gip_localizer.core.standing import Standing
 from gip_localizer.core.tracker import Belief, checked_prior, Tracker
+from gip_localizer.core.windows import Extent, first_fix, followed, whole
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Parameters
-
-FIRST_FIX_SIGMAS = 2.0  # a first prior's window covers this many standard deviations
-FIRST_FIX_LIMITS = (5.0, 0.6)  # m, rad: but no more than this
 
 
 class Localizer:
@@ -56,10 +53,7 @@ class Localizer:
         self.raster_map = raster_map
         self.parameters = parameters
         self.tracker = Tracker(parameters.motion)
-        self.misses = 0
-        self._unconfirmed = 0
-        self._search_map = False
-        self._last_search_ns: int | None = None
+        self.standing = Standing(parameters)
         self._last_stamp_ns: int | None = None
         self._optics: Optics | None = None
         self._timings: dict[str, float] = {}
@@ -68,9 +62,7 @@ class Localizer:
     def _start(self) -> None:
         pose = self.parameters.initial_pose
         self.tracker.reset(None)
-        self.misses = 0
-        self._unconfirmed = 0
-        self._fresh_prior = True
+        self.standing.started()
         if pose.set:
             covariance = np.diag([pose.sigma_xy**2, pose.sigma_xy**2, pose.sigma_yaw**2])
             self.tracker.reset(Belief(-(1 << 62), Pose2(pose.x, pose.y, pose.yaw), covariance))
@@ -78,13 +70,13 @@ class Localizer:
     @property
     def lost(self) -> bool:
         """Whether too many frames in a row gave no fix."""
-        return self.misses >= self.parameters.integrity.lost_after
+        return self.standing.lost
 
     def configure(self, parameters: Parameters) -> None:
         """Take new parameters from the next frame on; the belief stays."""
         self.parameters = parameters
         self.tracker.configure(parameters.motion)
-        self._optics = None
+        self.standing.configure(parameters)
 
     def set_prior(self, stamp_ns: int, pose: Pose2, covariance: Floats) -> None:
         """
@@ -106,10 +98,8 @@ class Localizer:
 
         """
         self.tracker.reset(checked_prior(stamp_ns, pose, covariance))
-        self.misses = 0
-        self._unconfirmed = 0
-        self._search_map = False
-        self._fresh_prior = True
+        self.standing.started()
+        self.standing.wanted = False
         if self._optics is not None:
             self._optics.gain = 1.0
 
@@ -123,8 +113,7 @@ class Localizer:
 
     def relocalize(self) -> None:
         """Search the whole map from the next frame on, until the place is found."""
-        self._search_map = True
-        self._last_search_ns = None
+        self.standing.search()
 
     def update(
         self, stamp_ns: int, image: Grey, camera: CameraModel, *, mask: Grey | None = None
@@ -154,7 +143,7 @@ class Localizer:
         if refused is not None:
             return refused
         prior = self._prior(stamp_ns)
-        search_map = self._search_due(stamp_ns)
+        search_map = self.standing.search_due(stamp_ns)
         if prior is None and not search_map:
             return self._waiting(stamp_ns)
 
@@ -167,10 +156,11 @@ class Localizer:
                 weight = weight * self._optics_now.rectifier.unmasked(mask)
 
         with self._stage('match'):  # 3 score per candidate, best modes refined
-            found = self._search(stamp_ns, view, weight, None if search_map else prior)
+            match = Match(view, weight)
+            found = self._search(stamp_ns, match, None if search_map else prior)
 
         with self._stage('posterior'):  # 4 belief, or silence
-            return self._conclude(stamp_ns, Match(view, weight), found, prior)
+            return self._conclude(stamp_ns, match, found, prior)
 
     def _out_of_order(self, stamp_ns: int) -> Estimate | None:
         last = self._last_stamp_ns
@@ -187,7 +177,7 @@ class Localizer:
     def _prepare(self, stamp_ns: int, camera: CameraModel) -> Estimate | None:
         try:
             with self._stage('calibrate'):
-                if self._optics is None or self._optics.key != camera.key():
+                if self._optics is None or not self._optics.serves(camera, self.parameters):
                     self._optics = Optics(camera, self.parameters)
         except CalibrationError as error:
             self._optics = None
@@ -214,48 +204,34 @@ class Localizer:
             return view.valid * weight[view.valid].mean()
         return weight
 
-    def _extent(self, prior: Belief) -> Extent:
-        search, score = self.parameters.search, self.parameters.score
-        x, y, yaw = search.x, search.y, search.yaw
-        if self._fresh_prior:
-            sigma = math.sqrt(max(prior.covariance[0, 0], prior.covariance[1, 1]))
-            sigma_yaw = math.sqrt(prior.covariance[2, 2])
-            wide = min(FIRST_FIX_SIGMAS * sigma, FIRST_FIX_LIMITS[0])
-            wide_yaw = min(FIRST_FIX_SIGMAS * sigma_yaw, FIRST_FIX_LIMITS[1])
-            x, y, yaw = max(x, wide), max(y, wide), max(yaw, wide_yaw)
-        return Extent(x, y, yaw, search.yaw_step, score.min_overlap)
-
-    def _search(
-        self, stamp_ns: int, view: View, weight: Floats, prior: Belief | None
-    ) -> Found | None:
-        if contrast(view, weight) < self.parameters.integrity.min_contrast:
+    def _search(self, stamp_ns: int, match: Match, prior: Belief | None) -> Found | None:
+        if match.contrast < self.parameters.integrity.min_contrast:
             return None
-        optics, normalized = self._optics_now, self._normalized
         if prior is None:
-            self._last_search_ns = stamp_ns
+            self.standing.searched(stamp_ns)
             return global_search(
-                view, weight, self.raster_map, stamp_ns, self.parameters,
-                refiner=optics.refiner,
+                match.view, match.weight, self.raster_map, stamp_ns, self.parameters,
+                refiner=self._optics_now.refiner,
             )
+        if self.standing.confirmed:
+            near = self._search_about(match, prior, followed(prior, self.parameters))
+            if judge(match, near, self.parameters, prior=prior).status is Status.TRACKING:
+                return near
+        extent = first_fix if self.standing.fresh else whole
+        return self._search_about(match, prior, extent(prior, self.parameters))
+
+    def _search_about(self, match: Match, prior: Belief, extent: Extent) -> Found | None:
         return search_window(
-            view, weight, self.raster_map, prior, self._extent(prior), refiner=optics.refiner,
-            normalized=normalized,
+            match.view, match.weight, self.raster_map, prior, extent,
+            refiner=self._optics_now.refiner, normalized=self._normalized,
         )
 
     @property
     def _normalized(self) -> bool:
         return self.parameters.score.metric.endswith('normalized')
 
-    def _search_due(self, stamp_ns: int) -> bool:
-        """Whether this frame is looked for on the whole map."""
-        recovery = self.parameters.recovery
-        if not (self._search_map or (self.lost and recovery.automatic)):
-            return False
-        since = math.inf if self._last_search_ns is None else stamp_ns - self._last_search_ns
-        return since < 0 or since >= recovery.period * 1e9
-
     def _waiting(self, stamp_ns: int) -> Estimate:
-        if self._search_map:
+        if self.standing.wanted:
             return self._silent(stamp_ns, Status.LOST, (
                 'not found on the map; the next search is due recovery.period '
                 f'{self.parameters.recovery.period:g} s after the last'
@@ -264,38 +240,27 @@ class Localizer:
             'no prior yet: publish initialpose, set initial_pose.*, or call ~/relocalize'
         ))
 
-    @property
-    def _confirmed(self) -> bool:
-        """Whether the belief rests on published fixes."""
-        return not (self._fresh_prior or self._unconfirmed or self.lost)
-
     def _conclude(
         self, stamp_ns: int, match: Match, found: Found | None, prior: Belief | None
     ) -> Estimate:
-        searched_map = self._last_search_ns == stamp_ns
-        vouching = prior if self._confirmed else None
+        vouching = prior if self.standing.confirmed else None
         verdict = judge(match, found, self.parameters, prior=vouching)
         fit = verdict.fit
-        match = Match(match.view, match.weight, found.scores if found else None, fit)
+        match = replace(match, scores=found.scores if found else None, fit=fit)
         if verdict.status is not Status.TRACKING or fit is None:
             return self._missed(stamp_ns, verdict, match, prior)
         self._optics_now.gain = fit.gain
-        measured = Belief(stamp_ns, fit.pose, _in_map(fit))
-        if searched_map or self.lost:
-            self._search_map = False
-            self._unconfirmed = self.parameters.recovery.confirm_frames
-            self.tracker.reset(measured)
-            prior = None
-        belief = measured
-        if prior is not None:
-            belief = self.tracker.correct(prior, measured, fuse=self.parameters.motion.fuse)
-        self.misses = 0
-        self._fresh_prior = False
-        if self._unconfirmed > 0:
-            self._unconfirmed -= 1
-        if self._unconfirmed > 0:
+        belief = Belief(stamp_ns, fit.pose, _in_map(fit))
+        new_place = self.standing.new_place(stamp_ns)
+        self.standing.fixed(new_place=new_place)
+        if new_place:
+            self.tracker.reset(belief)
+        elif prior is not None:
+            belief = self.tracker.correct(prior, belief, fuse=self.parameters.motion.fuse)
+        wanted = self.standing.unconfirmed
+        if wanted > 0:
             verdict = Verdict(Status.CONFIRMING, (
-                f'found on the map; {self._unconfirmed} more agreeing frames are needed'
+                f'found on the map; {wanted} more agreeing frames are needed'
             ), fit, verdict.quality)
             return self._estimate(stamp_ns, verdict, match, None)
         return self._estimate(stamp_ns, verdict, match, belief)
@@ -303,15 +268,13 @@ class Localizer:
     def _missed(
         self, stamp_ns: int, verdict: Verdict, match: Match, prior: Belief | None
     ) -> Estimate:
-        self.misses += 1
-        if self._unconfirmed > 0:
-            self._unconfirmed = 0
-            self.misses = max(self.misses, self.parameters.integrity.lost_after)
+        self.standing.missed()
         if prior is not None:
             self.tracker.miss(prior)
-        if self.lost:
+        if self.standing.lost:
             verdict = Verdict(Status.LOST, (
-                f'{self.misses} frames without a fix; last: {verdict.status}, {verdict.reason}'
+                f'{self.standing.misses} frames without a fix; last: {verdict.status}, '
+                f'{verdict.reason}'
             ), verdict.fit, verdict.quality)
         return self._estimate(stamp_ns, verdict, match, None)
 

@@ -29,7 +29,7 @@ class Optics:
     """
 
     def __init__(self, camera: CameraModel, parameters: Parameters) -> None:
-        self.key = camera.key()
+        self._rests_on = _relevant(camera, parameters)
         self.rectifier = Rectifier(camera, parameters.birdseye)
         self.refiner = Refiner(
             self.rectifier, parameters.camera_motion,
@@ -37,3 +37,12 @@ class Optics:
             robust=parameters.score.robust,
         )
         self.gain = 1.0
+
+    def serves(self, camera: CameraModel, parameters: Parameters) -> bool:
+        """Tell whether nothing that this rests on has changed."""
+        return self._rests_on == _relevant(camera, parameters)
+
+
+def _relevant(camera: CameraModel, parameters: Parameters) -> tuple[object, ...]:
+    score = parameters.score
+    return camera.key(), parameters.birdseye, parameters.camera_motion, score.metric, score.robust

@@ -17,14 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.birdseye import View
 from gip_localizer.core.matching import Scores
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.tracker import Belief
 
 CELLS_PER_INDEPENDENT = 9.0  # neighbouring residuals are alike: texture, blur, paint
-PEAK_POOL = 300  # candidates looked at per peak that is wanted
-PEAK_GAP = np.array([2, 3, 3])  # steps in yaw, x and y by which peaks lie apart
+PEAK_GAP = (2, 3, 3)  # steps in yaw, x and y by which peaks lie apart
 WINNER_RADIUS_M = 0.2
 WINNER_RADIUS_YAW = 0.03  # rad
 
@@ -63,14 +61,6 @@ def independent_cells(weight: Floats) -> float:
     """Effective number of independent cells under the weights, at least 1."""
     total, squares = float(weight.sum(dtype=np.float64)), float((weight.astype(float) ** 2).sum())
     return max(total**2 / max(squares, 1e-30) / CELLS_PER_INDEPENDENT, 1.0)
-
-
-def contrast(view: View, weight: Floats) -> float:
-    """Weighted standard deviation of the view, grey levels of [0, 1]."""
-    if not weight.any():
-        return 0.0
-    mean = np.average(view.patch, weights=weight)
-    return float(np.sqrt(np.average((view.patch - mean) ** 2, weights=weight)))
 
 
 def posterior_surface(scores: Scores, cells: float, prior: Belief | None) -> Surface:
@@ -123,18 +113,16 @@ def modes(surface: Surface, count: int) -> list[tuple[int, int, int]]:
 
 def best_peaks(values: Floats, count: int) -> list[tuple[int, int, int]]:
     """Indices of the largest finite values (yaw, x, y) that lie apart from each other."""
-    flat = values.ravel()
-    looked_at = min(PEAK_POOL * count, flat.size)
-    pool = np.argpartition(-flat, looked_at - 1)[:looked_at]
-    pool = pool[np.isfinite(flat[pool])]
-    pool = pool[np.lexsort((pool, -flat[pool]))]
-    chosen = np.empty((0, 3), int)
-    for index in np.stack(np.unravel_index(pool, values.shape), axis=1):
-        if len(chosen) == count:
+    left = values.copy()
+    chosen: list[tuple[int, int, int]] = []
+    for _ in range(count):
+        yaw, x, y = (int(i) for i in np.unravel_index(int(left.argmax()), left.shape))
+        if not np.isfinite(left[yaw, x, y]):
             break
-        if not np.any(np.all(np.abs(chosen - index) <= PEAK_GAP, axis=1)):
-            chosen = np.vstack([chosen, index])
-    return [(int(i[0]), int(i[1]), int(i[2])) for i in chosen]
+        chosen.append((yaw, x, y))
+        around = zip((yaw, x, y), PEAK_GAP, strict=True)
+        left[tuple(slice(max(i - gap, 0), i + gap + 1) for i, gap in around)] = -np.inf
+    return chosen
 
 
 def subcell_peak(surface: Surface, index: tuple[int, int, int]) -> Floats:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from gip_localizer.core.arrays import Bools, Floats, Grey
 from gip_localizer.core.pose import Pose2
+from gip_localizer.core.sampling import corners, Samples
 from gip_localizer.errors import MapError
 
 WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0, np.dtype(np.float32): 1.0}
@@ -190,17 +191,15 @@ class RasterMap:
             On the grid and all of the cells that contribute hold data.
 
         """
-        values, _, valid = self.sample_with_gradient(xy_map)
-        return values, valid
+        samples = self.sample_from(Pose2(0.0, 0.0, 0.0), xy_map[:, 0], xy_map[:, 1])
+        return samples.values, samples.known
 
     def sample_with_gradient(self, xy_map: Floats) -> tuple[Floats, Floats, Bools]:
         """Grey (n,), its gradient (n, 2) per metre in the map frame, and valid (n,)."""
-        values, along_x, along_y, valid = self.sample_from(Pose2(0.0, 0.0, 0.0), xy_map)
-        return values, np.stack([along_x, along_y], axis=1), valid
+        samples = self.sample_from(Pose2(0.0, 0.0, 0.0), xy_map[:, 0], xy_map[:, 1])
+        return samples.values, np.stack(samples.slopes(), axis=1), samples.known
 
-    def sample_from(
-        self, T_map_a: Pose2, xy: Floats
-    ) -> tuple[Floats, Floats, Floats, Bools]:
+    def sample_from(self, T_map_a: Pose2, x: Floats, y: Floats) -> Samples:
         """
         Grey at points of a frame, with its slopes along that frame's axes.
 
@@ -208,56 +207,25 @@ class RasterMap:
         ----------
         T_map_a : Pose2
             Pose of the frame in the map.
-        xy : (n, 2) float32 or float64
+        x, y : (n,) float32 or float64
             Metres in the frame.
 
         Returns
         -------
-        values : (n,) float32
-            In [0, 1]; 0 where not valid.
-        along_x, along_y : (n,) float32
-            Slopes per metre; 0 where not valid.
-        valid : (n,) bool
-            On the grid, and all of the cells that contribute hold data.
+        Samples
+            Bilinear between cell centres.
 
         """
-        rows, cols = self.grey.shape
-        row, col, T_grid_a = self._cells_from(T_map_a, xy)
-        inside = (row >= -0.5) & (row <= rows - 0.5) & (col >= -0.5) & (col <= cols - 0.5)
-        row = np.where(inside, np.clip(row, 0, rows - 1), row.dtype.type(0))
-        col = np.where(inside, np.clip(col, 0, cols - 1), col.dtype.type(0))
-        r0 = np.minimum(row.astype(np.int32), max(rows - 2, 0))
-        c0 = np.minimum(col.astype(np.int32), max(cols - 2, 0))
-        fr, fc = (row - r0).astype(np.float32), (col - c0).astype(np.float32)
-        right, down = (1 if cols > 1 else 0), (cols if rows > 1 else 0)
-        index = r0.astype(np.intp) * cols + c0
-        flat = self.grey.reshape(-1)
-        a, b, c, d = (
-            flat.take(index + k).astype(np.float32, copy=False)
-            for k in (0, right, down, down + right)
-        )
-        top, bottom = a + fc * (b - a), c + fc * (d - c)
-        if self.valid is not None:
-            known = self.valid.reshape(-1)
-            for k in (0, right, down, down + right):
-                inside &= known.take(index + k)
-        scale = inside * np.float32(1.0 / WHITE[self.grey.dtype])
-        values = (top + fr * (bottom - top)) * scale
-        scale *= np.float32(1.0 / self.resolution)
-        along_col = ((b - a) + fr * ((d - c) - (b - a))) * scale
-        along_row = (bottom - top) * scale
-        cos, sin = np.float32(math.cos(T_grid_a.yaw)), np.float32(math.sin(T_grid_a.yaw))
-        along_x = cos * along_col - sin * along_row
-        along_y = -sin * along_col - cos * along_row
-        return values, along_x, along_y, inside
+        row, col, T_grid_a = self._cells_from(T_map_a, x, y)
+        found = corners(self.grey, self.valid, row, col)
+        return Samples(found, WHITE[self.grey.dtype], self.resolution, T_grid_a.yaw)
 
-    def _cells_from(self, T_map_a: Pose2, xy: Floats) -> tuple[Floats, Floats, Pose2]:
+    def _cells_from(self, T_map_a: Pose2, x: Floats, y: Floats) -> tuple[Floats, Floats, Pose2]:
         """Fractional rows and columns of points of frame a, and a's pose in the grid."""
         T_grid_a = self.origin.inverse() @ T_map_a
-        kind = xy.dtype.type
+        kind = x.dtype.type
         cos = kind(math.cos(T_grid_a.yaw) / self.resolution)
         sin = kind(math.sin(T_grid_a.yaw) / self.resolution)
-        x, y = xy[:, 0], xy[:, 1]
         col = cos * x - sin * y + kind(T_grid_a.x / self.resolution - 0.5)
         row = kind(self.grey.shape[0] - 0.5 - T_grid_a.y / self.resolution) - sin * x - cos * y
         return row, col, T_grid_a

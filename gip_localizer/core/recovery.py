@@ -18,8 +18,9 @@ from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.posterior import best_peaks, independent_cells, with_unseen
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.refinement import Refiner
-from gip_localizer.core.search import coarse_factor, Extent, Found, search_window
+from gip_localizer.core.search import coarse_factor, Found, search_window
 from gip_localizer.core.tracker import Belief
+from gip_localizer.core.windows import Extent
 from gip_localizer.parameters import Parameters
 
 HEADINGS_AT_ONCE = 12  # bounds the memory

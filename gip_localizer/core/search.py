@@ -32,26 +32,17 @@ from gip_localizer.core.posterior import (
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.refinement import Refiner
 from gip_localizer.core.tracker import Belief
+from gip_localizer.core.windows import Extent
 
 COARSE_CELL = 0.1  # m: cells are joined up to this side for the lattice
-REFINED_MODES = 3
+PEAKS = 3  # of each score surface that are looked at
+MOST_RIVALS = 2
 RIVAL_SHARE = 0.6  # of the best correlation on the lattice, from which a place is a rival
 RIVAL_DISTANCE = 0.3  # m from the winner
 PLAIN_WINNER = 1.0  # merit of a fit beside which no other mode needs a look, ...
 PLAIN_DISPERSION = 3.0  # ... unless the parts of the view contradict each other more than this
 ASIDE = (-0.2, 0.2)  # m ahead: starts beside a fit that is good but contradicts itself
 HOPELESS = -40.0  # log posterior below the winner's at which a mode is not refined
-
-
-@dataclass(frozen=True)
-class Extent:
-    """Half-widths of a window (m, m, rad), its step in heading (rad) and least overlap."""
-
-    x: float
-    y: float
-    yaw: float
-    yaw_step: float
-    min_overlap: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,23 +127,25 @@ def search_window(
     starts = sorted(
         (
             _Start(scores, surface, index, pitch)
-            for pitch, scores, surface in surfaces for index in modes(surface, REFINED_MODES)
+            for pitch, scores, surface in surfaces for index in modes(surface, PEAKS)
         ),
         key=lambda start: start.residual,
     )
 
+    layers = refiner.layers(view, weight, fine)
+
     def refined(start: _Start) -> Fit:
-        return refiner.refine(view, weight, fine, start.pose, pitch=start.pitch)
+        return refiner.refine(layers, start.pose, pitch=start.pitch)
 
     fits: list[Fit] = []
-    for start in [s for s in starts if s.log_posterior > HOPELESS][:REFINED_MODES]:
+    for start in [s for s in starts if s.log_posterior > HOPELESS][: extent.modes]:
         fits.append(refined(start))
         if fits[-1].merit > PLAIN_WINNER and fits[-1].overdispersion < PLAIN_DISPERSION:
             break
     best = max(fits, key=lambda fit: fit.merit)
     if best.merit > PLAIN_WINNER and best.overdispersion > PLAIN_DISPERSION:
         beside = (best.pose @ Pose2(ahead, 0.0, 0.0) for ahead in ASIDE)
-        fits += [refiner.refine(view, weight, fine, pose) for pose in beside]
+        fits += [refiner.refine(layers, pose) for pose in beside]
         best = max(fits, key=lambda fit: fit.merit)
     fits += [refined(start) for start in _rivals(starts, best.pose)]
     return Found(
@@ -201,7 +194,7 @@ def _rivals(starts: list[_Start], winner: Pose2) -> list[_Start]:
         apart = [math.hypot(start.pose.x - p.x, start.pose.y - p.y) for p in others]
         if start.correlation > least and min(apart) > RIVAL_DISTANCE:
             rivals.append(start)
-    return rivals[: REFINED_MODES - 1]
+    return rivals[:MOST_RIVALS]
 
 
 def _try_pitch(

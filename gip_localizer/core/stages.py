@@ -12,7 +12,7 @@ from gip_localizer.core.birdseye import Rectifier, View
 from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.camera_sway import CameraSway
 from gip_localizer.core.levels import coarsened
-from gip_localizer.core.linearised import block_sums
+from gip_localizer.core.robust import block_sums
 
 STAGES = ((4, 6), (2, 4), (1, 6))  # cells joined per side, and the most steps
 PLAIN_STEPS = 2  # of the first stage, before outliers are told from misalignment
@@ -46,8 +46,8 @@ class Stage:
         self.index = np.flatnonzero(view.valid)
         points = view.grid.points() if factor > 1 else rectifier.centroids
         self.sway = CameraSway(rectifier.camera, points[self.index])
-        self.blocks = block_sums(self.sway.points, PATTERN_SIDES)
-        self.optical = optical_basis(rectifier.camera, self.sway.points)
+        self.blocks = block_sums(self.sway.x, self.sway.y, PATTERN_SIDES)
+        self.optical = optical_basis(rectifier.camera, points[self.index])
         self.blur: sparse.csr_matrix | None = rectifier.pixel_blur if factor == 1 else None
 
     def blurred(self, columns: Floats) -> Floats:

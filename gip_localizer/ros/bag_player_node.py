@@ -62,6 +62,7 @@ class BagPlayerNode(Node):
         self._clock = self.create_publisher(ClockMessage, '/clock', 10)
         self._start_ns = self._bag.start_ns + round(settings.start * NS)
         self._paused = settings.paused
+        self._awaited = self._to_wait_for(settings.wait_for)
         self._rewind()
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.create_timer(TICK, self._play, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -70,7 +71,7 @@ class BagPlayerNode(Node):
         self.get_logger().info(f'playing {settings.bag}: {", ".join(self._senders)}')
 
     def _advertise(self, chosen: str) -> dict[str, Publisher]:
-        names = [name.strip() for name in chosen.split(',') if name.strip()]
+        names = _names(chosen)
         recorded = {topic.name for topic in self._bag.topics}
         missing = [name for name in names if name not in recorded]
         if missing:
@@ -86,6 +87,22 @@ class BagPlayerNode(Node):
             raise BagError('the bag holds no topic of a known type; see ros2 bag info')
         return senders
 
+    def _to_wait_for(self, chosen: str) -> list[Publisher]:
+        names = _names(chosen)
+        missing = [name for name in names if name not in self._senders]
+        if missing:
+            raise ParameterError(
+                f'parameter wait_for: {", ".join(missing)} is not played; '
+                f'played are {", ".join(sorted(self._senders))}'
+            )
+        return [self._senders[name] for name in names]
+
+    def _waiting(self) -> bool:
+        """Whether a topic still lacks its subscriber; once all have one, never again."""
+        if all(sender.get_subscription_count() for sender in self._awaited):
+            self._awaited = []
+        return bool(self._awaited)
+
     def _rewind(self) -> None:
         self._messages: Iterator[BagMessage] = self._bag.messages(
             list(self._senders), self._start_ns
@@ -99,7 +116,7 @@ class BagPlayerNode(Node):
         """Publish what has become due, with the clock before it."""
         tick = time.monotonic_ns()
         elapsed, self._last_tick = tick - self._last_tick, tick
-        if self._paused:
+        if self._paused or self._waiting():
             return
         self._now_ns += round(elapsed * self._live.value.rate)
         while self._next is not None and self._next.log_ns <= self._now_ns:
@@ -130,6 +147,10 @@ class BagPlayerNode(Node):
         response.success = True
         response.message = 'paused' if self._paused else 'playing'
         return response
+
+
+def _names(listed: str) -> list[str]:
+    return [name.strip() for name in listed.split(',') if name.strip()]
 
 
 def _message_type(name: str) -> Any | None:

@@ -22,7 +22,8 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import Rectifier, View
 from gip_localizer.core.gramian import estimate_pixel_noise, gramian
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.core.search import Extent, lattice_scores
+from gip_localizer.core.search import lattice_scores
+from gip_localizer.core.windows import Extent
 from gip_localizer.evaluation.conditions import CAR_CAMERA, CARS, CHANGED, NIGHT, Setup
 from gip_localizer.evaluation.paper.peers import orb_homography, Scene
 from gip_localizer.evaluation.suites.suite import Bound, Cell, of_part, Record, Section, share

@@ -1,0 +1,255 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Gauss-Newton on the cells of one stage.
+
+The first step, and every one after a long one, looks the map up; after a short one the slopes
+that are there tell what it looks like from the new pose, at a fraction of the time.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats, Ints
+from gip_localizer.core.linearised import Problem
+from gip_localizer.core.pose import Pose2
+from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.core.robust import (
+    agreeing,
+    exposure,
+    mean_normalised_square,
+    shading,
+    trust,
+)
+from gip_localizer.core.sampling import Samples
+from gip_localizer.core.stages import OPTICAL_TERMS, Stage
+
+EXPOSURE_ROUNDS = (2, 1)  # reweightings of gain and offset before a stage's first step, others
+FIRST_ROUNDS = 2  # more where the exposure was not known before
+DONE_XY, DONE_YAW = 3e-4, 5e-5  # m, rad: smaller steps end the last stage
+CONVERGED = 8.0  # last step, in these, below which the outcome is believed, ...
+CONVERGED_SIGMAS = 0.5  # ... or in standard deviations of the outcome
+LINEAR = 10.0  # step, in these, up to which the slopes tell the map's values
+STALE = 20.0  # step, in these, up to which the slopes themselves hold
+MAX_STEP = np.array([0.15, 0.15, 0.03])  # m, m, rad: no step may leave the basin
+OUTLIER_SCALE = 3.0  # residuals beyond this many standard deviations lose their weight
+MIN_GAIN = 0.02
+MIN_CELLS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """
+    What is estimated beside x, y and yaw.
+
+    Attributes
+    ----------
+    moving : (m,) int
+        Components of the camera's motion (pitch, roll, height) that are free.
+    prior : (3 + m [+ 2],) float64
+        Information of the prior on every unknown; gain and offset come last.
+    normalized : bool
+        Gain and offset are unknown.
+    robust : bool
+        Cells that disagree with the map lose their weight.
+
+    """
+
+    moving: Ints
+    prior: Floats
+    normalized: bool
+    robust: bool
+
+    def scales(self, gain: float) -> Floats:
+        """What the slopes (p,) of the map are in grey levels of the view."""
+        scales = np.full(len(self.prior), gain)
+        if self.normalized:
+            scales[-2:] = 1.0
+        return scales
+
+
+@dataclass(eq=False)
+class State:
+    """Pose, camera's motion (pitch, roll, height), last step; what the view is like."""
+
+    pose: Pose2
+    camera_motion: Floats
+    exposure: tuple[float, float] | None = None
+    agreement: float = 1.0
+    step: Floats = field(default_factory=lambda: np.zeros(3))
+    shading: Floats = field(default_factory=lambda: np.zeros(OPTICAL_TERMS))
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """One stage's cells of a frame: values and weights (n,) float32, and the map they meet."""
+
+    stage: Stage
+    values: Floats
+    weights: Floats
+    raster_map: RasterMap
+
+
+class Descent:
+    """
+    Steps on one layer.
+
+    Parameters
+    ----------
+    layer : Layer
+        The cells.
+    state : State
+        Where to start; moved in place.
+    unknowns : Unknowns
+        What is estimated.
+
+    """
+
+    def __init__(self, layer: Layer, state: State, unknowns: Unknowns) -> None:
+        self._layer, self._state, self._unknowns = layer, state, unknowns
+        self._stage = layer.stage
+        self._agreeing: Floats | None = None
+        self._columns: tuple[Floats, Floats] | None = None
+        self._seen: tuple[Floats, Floats] | None = None
+        self._shade = None
+        if state.shading.any():
+            shade = self._stage.optical @ state.shading.astype(np.float32)
+            self._shade = np.float32(1.0) + shade
+
+    def run(self) -> Problem:
+        """Step until the steps are small; return the last problem."""
+        stage = self._stage
+        for count in range(stage.steps):
+            problem = self._linearise(self._rounds(count))
+            if np.count_nonzero(problem.all_weights) < MIN_CELLS:
+                self._state.step = np.full(3, np.inf)
+                return problem
+            if self._seen is None:
+                information = problem.information
+            step = problem.step(information)
+            length = self._move(step)
+            if length < stage.factor and count >= stage.plain:
+                break
+            self._foresee(problem, step, length)
+        return problem
+
+    def _rounds(self, count: int) -> int:
+        """Reweightings before a step; none while misalignment looks like outliers."""
+        if not self._unknowns.robust or count < self._stage.plain:
+            return 0
+        first = FIRST_ROUNDS if self._stage.plain and count == self._stage.plain else 0
+        return EXPOSURE_ROUNDS[min(count, 1)] + first
+
+    def _foresee(self, problem: Problem, step: Floats, length: float) -> None:
+        """Keep what is known of the map for the next step, as far as that was short."""
+        self._seen = None
+        if length > STALE:
+            self._columns = None
+        elif length <= LINEAR:
+            free = 3 + len(self._unknowns.moving)
+            change = problem.slopes[:, :free] @ step[:free].astype(np.float32)
+            predicted = problem.predicted + change
+            self._seen = predicted, problem.all_weights
+
+    def shaded(self, problem: Problem) -> Floats:
+        """How the gain varies over the image, as found here on top of what is known: (k,)."""
+        return self._state.shading + shading(
+            self._layer.values, problem.predicted, problem.weights, self._stage.optical
+        )
+
+    def _move(self, step: Floats) -> float:
+        """Move the state; return the length of the step (below 1: done)."""
+        x, y, yaw = (float(s) for s in np.clip(step[:3], -MAX_STEP, MAX_STEP))
+        moving = self._unknowns.moving
+        self._state.step = np.array([x, y, yaw])
+        self._state.pose = self._state.pose @ Pose2(x, y, yaw)
+        self._state.camera_motion[moving] += step[3 : 3 + len(moving)]
+        return max(abs(x) / DONE_XY, abs(y) / DONE_XY, abs(yaw) / DONE_YAW)
+
+    def _linearise(self, rounds: int) -> Problem:
+        state, unknowns, stage = self._state, self._unknowns, self._stage
+        predicted, known = self._seen or self._look()
+        used = self._agreed(predicted, known)
+        gain, offset, residual = self._residual(predicted, used, state.exposure)
+        scale_sq = mean_normalised_square(residual, used)
+        trusted = curvature = used
+        for _ in range(rounds):
+            share, slope = trust(
+                residual, used, max(scale_sq, stage.least_scale_sq), OUTLIER_SCALE
+            )
+            trusted, curvature = used * share, used * slope
+            gain, offset, residual = self._residual(predicted, trusted, None)
+            scale_sq = mean_normalised_square(residual, used)
+        if unknowns.robust:
+            state.exposure = gain, offset
+        assert self._columns is not None
+        offsets = np.zeros(len(unknowns.prior))
+        offsets[3 : 3 + len(unknowns.moving)] = state.camera_motion[unknowns.moving]
+        return Problem(
+            *self._columns, unknowns.scales(gain), residual, trusted, curvature, known, predicted,
+            gain, offset, scale_sq, unknowns.prior, offsets,
+        )
+
+    def _look(self) -> tuple[Floats, Floats]:
+        """Map behind the pixel blur, and weights of known cells, (n,); slopes if they are old."""
+        x, y = self._stage.sway.road_points(self._state.camera_motion)
+        samples = self._layer.raster_map.sample_from(self._state.pose, x, y)
+        sampled = samples.values if self._shade is None else samples.values * self._shade
+        predicted = self._stage.blurred(sampled)
+        if self._columns is None:
+            self._columns = self._slopes(samples, sampled, (x, y))
+        known = self._layer.weights
+        return predicted, known if samples.valid is None else known * samples.valid
+
+    def _slopes(
+        self, samples: Samples, sampled: Floats, points: tuple[Floats, Floats]
+    ) -> tuple[Floats, Floats]:
+        """Columns (n, p) of the unblurred map, and behind the pixel blur."""
+        x, y = points
+        ahead, left = samples.slopes()
+        if self._shade is not None:
+            ahead, left = ahead * self._shade, left * self._shade
+        tangents = [self._stage.sway.tangents[k] for k in self._unknowns.moving]
+        columns = [ahead, left, left * x - ahead * y]
+        columns += [ahead * along_x + left * along_y for along_x, along_y in tangents]
+        if self._unknowns.normalized:
+            columns += [sampled, np.ones_like(sampled)]
+        instruments = np.stack(columns, axis=1)
+        return instruments, self._stage.blurred(instruments)
+
+    def _agreed(self, predicted: Floats, weights: Floats) -> Floats:
+        """Weights without the blocks that do not show the map; found once."""
+        state = self._state
+        if not self._unknowns.robust:
+            return weights
+        if self._agreeing is None:
+            gain = None if state.exposure is None else state.exposure[0]
+            self._agreeing, state.agreement = agreeing(
+                self._layer.values, predicted, weights, self._stage.blocks, gain=gain
+            )
+            if state.exposure is None and self._unknowns.normalized:
+                state.exposure = exposure(
+                    self._layer.values, predicted, weights * self._agreeing, least_gain=MIN_GAIN
+                )
+        return weights * self._agreeing
+
+    def _residual(
+        self, predicted: Floats, weights: Floats, known: tuple[float, float] | None
+    ) -> tuple[float, float, Floats]:
+        """Gain, offset (known, or by least squares) and residual."""
+        values = self._layer.values
+        if not self._unknowns.normalized:
+            return 1.0, 0.0, values - predicted
+        gain, offset = known or exposure(values, predicted, weights, least_gain=MIN_GAIN)
+        return gain, offset, values - (np.float32(gain) * predicted + np.float32(offset))
+
+
+def settled(step: Floats, covariance: Floats) -> bool:
+    """Tell whether a last step (3,) is little against the outcome's standard deviations."""
+    least = CONVERGED * np.array([DONE_XY, DONE_XY, DONE_YAW])
+    sigmas = np.sqrt(np.diag(covariance))
+    return bool(np.all(np.abs(step) < np.maximum(least, CONVERGED_SIGMAS * sigmas)))

@@ -1,0 +1,137 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How a view differs from the map other than by the pose: exposure, shading, what is not there."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+
+from gip_localizer.core.arrays import Floats
+
+TRIMMED = 1.0 / 3.0  # share of the cells whose residuals tell the noise
+TRIMMED_CHI_SQ = 0.1855  # that quantile of the chi-square distribution, 1 degree of freedom
+BETTER_BLOCKS = 0.8  # quantile of the blocks' correlations that sets the standard
+LEAST_TELLING = 0.02  # share of the weight that must stand out of the noise to tell
+LEAST_PATTERN = 5e-4  # weighted standard deviation of a map that has any pattern
+SHADING_RIDGE = 1e-3  # of the information on the gain
+TELLING = 0.35  # expected correlation below which a block's own says nothing
+
+
+def exposure(
+    values: Floats, predicted: Floats, weights: Floats, *, least_gain: float
+) -> tuple[float, float]:
+    """Gain and offset of the view relative to the map, weighted least squares."""
+    total = float(weights.sum())
+    if total <= 0.0:
+        return 1.0, 0.0
+    mean_v, mean_m = float(weights @ values) / total, float(weights @ predicted) / total
+    centred = weights * (predicted - np.float32(mean_m))
+    gain = float(centred @ values) / max(float(centred @ predicted), 1e-12)
+    gain = max(gain, least_gain)
+    return gain, mean_v - gain * mean_m
+
+
+def shading(values: Floats, predicted: Floats, weights: Floats, basis: Floats) -> Floats:
+    """
+    How the gain varies over the image (vignetting, a dirty lens), as factors of a basis.
+
+    Parameters
+    ----------
+    values, predicted, weights : (n,) float32
+        View, map behind the pixel blur, and weights.
+    basis : (n, k) float32
+        Smooth functions of the pixel, of order one.
+
+    Returns
+    -------
+    (k,) float64
+        Factors c of `v = a (1 + basis c) m + b`, shrunk towards none.
+
+    """
+    columns = np.column_stack([predicted, np.ones_like(predicted), basis * predicted[:, None]])
+    weighted = columns * weights[:, None]
+    normal = (weighted.T @ columns).astype(np.float64)
+    ridge = np.zeros(len(normal))
+    ridge[2:] = SHADING_RIDGE * normal[0, 0]
+    solved = np.linalg.solve(
+        normal + np.diag(ridge + 1e-12), (weighted.T @ values).astype(np.float64)
+    )
+    if solved[0] <= 0.0:
+        return np.zeros(basis.shape[1])
+    return np.clip(solved[2:] / solved[0], -0.5, 0.5)
+
+
+def agreeing(
+    values: Floats, predicted: Floats, weights: Floats, blocks: sparse.csr_matrix, *,
+    gain: float | None = None,
+) -> tuple[Floats, float]:
+    """
+    Tell the cells (n,) float32 0 or 1 in blocks of road whose pattern is the map's.
+
+    The second value is the share of the weight, among the blocks whose pattern stands out of
+    the noise, that is in such blocks: 0 where no block's does.
+
+    Within a block brightness and contrast do not matter, so that cars, glare and patches show
+    before the exposure is known. A block is kept if its correlation is at least half of what
+    the noise lets expect; without a gain, half of what the better blocks reach.
+
+    """
+    columns = np.stack([
+        weights, weights * values, weights * predicted, weights * values**2,
+        weights * predicted**2, weights * values * predicted, weights > 0.0,
+    ], axis=1)
+    sums = np.asarray(blocks @ columns, np.float64)
+    w = np.maximum(sums[:, 0], 1e-20)
+    v, m = sums[:, 1] / w, sums[:, 2] / w
+    var_v = np.maximum(sums[:, 3] / w - v**2, 0.0)
+    var_m = np.maximum(sums[:, 4] / w - m**2, 0.0)
+    alike = (sums[:, 5] / w - v * m) / np.maximum(np.sqrt(var_v * var_m), 1e-12)
+    counted = sums[:, 0] > 0.0
+    if not counted.any():
+        return np.ones(len(values), np.float32), 0.0
+    if gain is None:
+        expected = np.full(len(w), np.quantile(alike[counted], BETTER_BLOCKS))
+        telling, kept = counted, alike >= 0.5 * expected
+    else:
+        pattern = gain**2 * var_m
+        expected = np.sqrt(pattern / (pattern + np.maximum(sums[:, 6], 1.0) / w))
+        telling = counted & (expected >= TELLING) & (var_m > LEAST_PATTERN**2)
+        kept = (alike >= 0.5 * expected) | ~telling
+    share = float(w[telling & kept].sum() / max(w[telling].sum(), LEAST_TELLING * w.sum()))
+    return np.asarray(blocks.T @ kept.astype(np.float32)), share
+
+
+def mean_normalised_square(residual: Floats, weights: Floats) -> float:
+    """Robust mean of r² W (1 when the weights are 1/variance), from its lower third."""
+    part = slice(None, None, max(len(residual) // 2500, 1))
+    chosen = weights[part] > 0.0
+    if not chosen.any():
+        return 1.0
+    squares = residual[part][chosen] ** 2 * weights[part][chosen]
+    rank = int(TRIMMED * (len(squares) - 1))
+    return max(float(np.partition(squares, rank)[rank]) / TRIMMED_CHI_SQ, 1e-6)
+
+
+def trust(
+    residual: Floats, weights: Floats, scale_sq: float, outlier_scale: float
+) -> tuple[Floats, Floats]:
+    """
+    Geman-McClure weights (n,), and the slope (n,) of residual times weight.
+
+    Weights are near 1 for residuals within the scale and near 0 far outside.
+
+    """
+    ratio = residual**2 * weights * np.float32(1.0 / (outlier_scale**2 * scale_sq))
+    weight = 1.0 / (1.0 + ratio) ** 2
+    return np.asarray(weight), np.asarray(weight * (1.0 - 3.0 * ratio) / (1.0 + ratio))
+
+
+def block_sums(x: Floats, y: Floats, side: tuple[float, float]) -> sparse.csr_matrix:
+    """Matrix (blocks, n) that adds up the cells of each block of road, sides in metres."""
+    across = np.floor((y - y.min()) / side[1]).astype(int)
+    index = np.floor((x - x.min()) / side[0]).astype(int) * (int(across.max()) + 1) + across
+    _, block = np.unique(index, return_inverse=True)
+    block, n = np.asarray(block).ravel(), len(x)
+    ones = np.ones(n, np.float32)
+    return sparse.csr_matrix((ones, (block, np.arange(n))), shape=(int(block.max()) + 1, n))
