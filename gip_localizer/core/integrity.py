@@ -4,9 +4,10 @@
 Whether a match is believed, and the figures that decide it.
 
 No single score tells a wrong place from a poor one: lines alone correlate well a lamp post
-further on, and a crowded road poorly at the right place. Four figures together do: how well the
-whole view correlates with the map, and the part of it that agrees; how much of the road agrees;
-and how far the parts of the view contradict each other about the pose. Their weights are a
+further on, and a crowded road poorly at the right place. Six figures together do: how well the
+whole view correlates with the map, and how far beyond chance; how much likelier the map makes
+the part of it that agrees; how much of the road agrees; how far the parts of the view contradict
+each other about the pose; and how far the second best place is behind. Their weights are a
 logistic regression over rendered frames at right and wrong places, on rich and poor texture, by
 day and night, with exact and noisy maps.
 
@@ -22,20 +23,25 @@ import numpy as np
 from gip_localizer.core.estimate import Match, Status
 from gip_localizer.core.fit import Fit
 from gip_localizer.core.pose import difference
+from gip_localizer.core.posterior import independent_cells
 from gip_localizer.core.search import Found
 from gip_localizer.core.tracker import Belief
 from gip_localizer.parameters import Parameters
 
 TIGHT_XY, TIGHT_YAW = 0.15, 0.03  # m, rad: standard deviations of a prior that may vouch
-CONFIDENCE_OFFSET = -5.9
-CONFIDENCE_LATTICE = 4.9  # per unit of correlation of the whole view
-CONFIDENCE_EVIDENCE = 3.3  # per unit of log likelihood that the map gains in what agrees
-CONFIDENCE_AGREEMENT = 1.2  # per share of the road that agrees
-CONFIDENCE_OVERDISPERSION = -0.95  # per natural logarithm
+CONFIDENCE_OFFSET = -1.35
+CONFIDENCE_LATTICE = 1.7  # per unit of correlation of the whole view
+CONFIDENCE_EVIDENCE = 2.7  # per unit of log likelihood that the map gains in what agrees
+CONFIDENCE_AGREEMENT = 0.3  # per share of the road that agrees
+CONFIDENCE_OVERDISPERSION = -1.25  # per natural logarithm
+CONFIDENCE_DISTINCT = 1.8  # per natural logarithm
+CONFIDENCE_SIGNIFICANCE = 3.2  # per natural logarithm
 MOST_EVIDENCE = 2.0  # beyond which it tells no more
+DISTINCT, LEAST_DISTINCT = 0.05, 0.1  # second best's residual over the best's, less 1; least share
+SIGNIFICANT = 20.0  # standard deviations of chance correlation, beyond which they tell no more
 MOST_OVERDISPERSION = 6.0  # from which the parts of the view contradict each other
 RIVAL_DISTANCE = 0.2  # m from the winner at which a match is at another place
-MOST_RIVAL = 0.88  # likeness of a match at another place from which neither is believed
+MOST_RIVAL = 0.8  # likeness of a match at another place from which neither is believed
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +54,31 @@ class Verdict:
     quality: dict[str, float] = field(default_factory=dict)
 
 
-def confidence(lattice_correlation: float, fit: Fit) -> float:
-    """Probability that a match is at the right place, from its four figures."""
+def confidence(lattice_correlation: float, second_ratio: float, cells: float, fit: Fit) -> float:
+    """
+    Probability that a match is at the right place.
+
+    Parameters
+    ----------
+    lattice_correlation : float
+        Of the whole view with the map, at the best candidate of the lattice.
+    second_ratio : float
+        Residual of the best candidate elsewhere over the best candidate's.
+    cells : float
+        Independent cells of the view: chance correlates like one over their root.
+    fit : Fit
+        The refined match.
+
+    """
+    distinct = min(max((second_ratio - 1.0) / DISTINCT, LEAST_DISTINCT), 1.0)
+    significance = max(lattice_correlation, 0.01) * math.sqrt(cells) / SIGNIFICANT
     evidence = (
         CONFIDENCE_OFFSET + CONFIDENCE_LATTICE * lattice_correlation
         + CONFIDENCE_EVIDENCE * min(fit.evidence, MOST_EVIDENCE)
         + CONFIDENCE_AGREEMENT * fit.agreement
         + CONFIDENCE_OVERDISPERSION * math.log(max(fit.overdispersion, 0.3))
+        + CONFIDENCE_DISTINCT * math.log(distinct)
+        + CONFIDENCE_SIGNIFICANCE * math.log(min(significance, 1.0))
     )
     return 1.0 / (1.0 + math.exp(-max(evidence, -700.0)))
 
@@ -99,7 +123,7 @@ def judge(
             f'score.min_overlap {parameters.score.min_overlap:.0%}'
         ), None, quality)
     fit = found.fits[0]
-    quality.update(_figures(found, fit))
+    quality.update(_figures(found, fit, independent_cells(match.weight)))
     expected = prior is not None and _agrees(fit, prior)
     status, reason = _decide(quality, fit, parameters, expected=expected)
     return Verdict(status, reason, fit, quality)
@@ -128,12 +152,12 @@ def _rival(found: Found, fit: Fit) -> float:
     ), default=0.0)
 
 
-def _figures(found: Found, fit: Fit) -> dict[str, float]:
+def _figures(found: Found, fit: Fit, cells: float) -> dict[str, float]:
     assert found.surface is not None
     sigma = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     lattice = float(found.scores.correlation[found.surface.winner])
     return {
-        'confidence': confidence(lattice, fit),
+        'confidence': confidence(lattice, found.surface.second_ratio, cells, fit),
         'correlation': fit.correlation,
         'overlap': fit.overlap,
         'agreement': fit.agreement,

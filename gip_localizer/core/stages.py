@@ -14,7 +14,7 @@ from gip_localizer.core.camera_sway import CameraSway
 from gip_localizer.core.levels import coarsened
 from gip_localizer.core.robust import block_sums
 
-STAGES = ((4, 6), (2, 4), (1, 6))  # cells joined per side, and the most steps
+STAGES = ((4, 6), (2, 6), (1, 12))  # cells joined per side, and the most steps
 PLAIN_STEPS = 2  # of the first stage, before outliers are told from misalignment
 LEAST_SCALE_SQ = 0.5  # residuals this small against the noise model are never outliers
 PATTERN_SIDES = (1.0, 1.0)  # m: blocks that agree with the map, or do not
