@@ -117,3 +117,21 @@ def calibration(message: Any) -> Calibration:
         (max(int(message.binning_x), 1), max(int(message.binning_y), 1)),
         (int(roi.x_offset), int(roi.y_offset), int(roi.width), int(roi.height)),
     )
+
+
+def fingerprint(message: Any) -> tuple[object, ...]:
+    """Return the CameraInfo's content without its header, to tell a change."""
+    roi = message.roi
+    matrices = [getattr(message, name, None) for name in ('k', 'd', 'p', 'r')]
+    return (
+        message.width, message.height, message.distortion_model, message.binning_x,
+        message.binning_y, roi.x_offset, roi.y_offset, roi.width, roi.height,
+        *(None if m is None else tuple(float(v) for v in m) for m in matrices),
+    )
+
+
+def other_frame(word: str, frame: str, name: str, expected: str) -> str:
+    """Tell of odometry in another frame; one that is not named is taken."""
+    if not frame or frame.lstrip('/') == expected.lstrip('/'):
+        return ''
+    return f'odometry is {word} frame {frame!r}, expected {name} {expected!r}'

@@ -136,6 +136,8 @@ class Localization:
         self._keeper.after(estimate)
         self._health.took(estimate, elapsed_ms)
         self._health.prediction = self._frontend.localizer.tracker.prediction_source
+        self._health.doubts = self._frontend.doubts
+        self._health.overtaken = self._inputs.overtaken
         self._tell_changes()
 
     def _localized(self, localize: Localize, message: Any) -> Estimate:
