@@ -58,6 +58,10 @@ class Frontend:
         Concern (camera_info, odom, initialpose) → what is wrong with its last message.
     counts : dict
         Messages per topic, and how many of them were refused (`<topic>_refused`).
+    image : (height, width) array or None
+        The last frame; None where it could not be read.
+    camera_frame : str
+        Its frame, as its header names it.
     doubts : dict
         Rule of `gip_localizer.io.concerns` → detail, of the last frame.
 
@@ -68,6 +72,8 @@ class Frontend:
         self.complaints: dict[str, str] = {}
         self.counts: dict[str, int] = {}
         self.doubts: dict[str, str] = {}
+        self.image: Grey | None = None
+        self.camera_frame = ''
         self._repeats = RepeatedImages()
         self._calibration: Calibration | None = None
         self._info_raw: tuple[object, ...] | None = None
@@ -78,6 +84,11 @@ class Frontend:
     def parameters(self) -> Parameters:
         """The parameters in force."""
         return self.localizer.parameters
+
+    @property
+    def camera(self) -> CameraModel | None:
+        """The camera of the last frame; None before the first or where it cannot be used."""
+        return self._camera
 
     def configure(self, parameters: Parameters) -> None:
         """Take new parameters from the next frame on."""
@@ -165,13 +176,14 @@ class Frontend:
         self, message: Any, decode: Callable[[Any], Grey], masked: Masked | None
     ) -> Estimate:
         self._count('image')
-        self.doubts = {}
+        self.doubts, self.image = {}, None
+        self.camera_frame = str(message.header.frame_id)
         stamp = messages.stamp_ns(message.header)
         if self._calibration is None:
             wrong = self.complaints.get('camera_info', 'no camera_info received yet')
             return Estimate(stamp, Status.NO_CALIBRATION, wrong)
         try:
-            image = decode(message)
+            self.image = image = decode(message)
             camera = self._camera_for(image)
             mask = both(fitting(self._mask, image), self._mask_of(masked, image))
         except MaskError as error:
@@ -184,8 +196,7 @@ class Frontend:
             return Estimate(stamp, Status.NO_CALIBRATION, str(error))
         tracker = self.localizer.tracker
         self.doubts |= odometry_doubts(stamp, tracker)
-        frozen = self._repeats.frozen(stamp, image, tracker)
-        if frozen:
+        if frozen := self._repeats.frozen(stamp, image, tracker):
             return Estimate(stamp, Status.FROZEN_IMAGE, frozen)
         if self._repeats.repeats >= TOLD_AFTER:
             self.doubts['REPEATED_IMAGES'] = f'{self._repeats.repeats} in a row'
