@@ -12,6 +12,7 @@ from gip_localizer.core.pose import interpolate, Pose2
 from gip_localizer.parameters import Motion
 
 KEPT_NS = 20_000_000_000  # odometry older than this before the newest is dropped
+MAX_TURN = 50.0  # rad/s, beyond any vehicle
 LEAP_S = 20.0  # a step ahead by more than this must be confirmed by the next sample
 REWIND_NS = 1_000_000_000  # a step back in time by more than this is a restart, not disorder
 
@@ -89,6 +90,12 @@ class OdometryBuffer:
         numbers = (*sample.pose, sample.forward, sample.left, sample.turn)
         if not all(math.isfinite(value) for value in numbers):
             return 'odometry holds NaN or infinity'
+        speed = math.hypot(sample.forward, sample.left)
+        if speed > self.limits.max_speed or abs(sample.turn) > MAX_TURN:
+            return (
+                f'odometry tells {speed:.3g} m/s and {sample.turn:.3g} rad/s; expected no more '
+                f'than motion.max_speed {self.limits.max_speed:g} m/s and {MAX_TURN:g} rad/s'
+            )
         if self.latest is None:
             return ''
         ahead = (sample.stamp_ns - self.latest.stamp_ns) * 1e-9

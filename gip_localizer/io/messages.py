@@ -17,6 +17,8 @@ from gip_localizer.errors import CalibrationError, GipError
 
 PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and rotation about z of a 6 x 6 covariance
 MAX_IMAGE_SIDE = 65536
+FARTHEST = 1e9
+"""Metres from the origin of a frame, beyond any map projection."""
 
 
 class PoseMessageError(GipError):
@@ -35,13 +37,18 @@ def planar_pose(pose: Any) -> Pose2:
     Raises
     ------
     PoseMessageError
-        NaN, or a quaternion whose length is not 1 (0.1 is forgiven).
+        NaN, a position beyond `FARTHEST`, or a quaternion whose length is not 1 (0.1 is
+        forgiven).
 
     """
     q = pose.orientation
     numbers = (pose.position.x, pose.position.y, q.x, q.y, q.z, q.w)
     if not all(math.isfinite(value) for value in numbers):
         raise PoseMessageError('pose holds NaN or infinity')
+    if max(abs(pose.position.x), abs(pose.position.y)) > FARTHEST:
+        raise PoseMessageError(
+            f'pose is at ({pose.position.x:.3g}, {pose.position.y:.3g}) m; expected a local frame'
+        )
     norm = math.hypot(q.x, q.y, q.z, q.w)
     if abs(norm - 1.0) > 0.1:
         raise PoseMessageError(f'orientation quaternion has length {norm:.3g}; expected 1')
