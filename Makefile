@@ -9,7 +9,7 @@ READY = $(VENV)/.ready
 RESULTS = --out $(or $(OUT),results/$@) $(if $(OUT),,--force)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo replay evaluate bench paper params figures test lint type pytest clean
+.PHONY: help setup demo replay evaluate bench paper params figures test lint type pytest fuzz soak clean
 
 help: ## list the verbs
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
@@ -63,6 +63,12 @@ type: $(READY) ## mypy
 
 pytest: $(READY) ## the tests alone
 	@$(VENV)/bin/python -m pytest
+
+fuzz: $(READY) ## mutated messages and files of every kind (MANY= of each, 10000; over an hour)
+	@GIP_FUZZ=$(or $(MANY),10000) $(VENV)/bin/python -m pytest --durations=0 test/test_fuzz_messages.py test/test_fuzz_files.py
+
+soak: $(READY) ## the node under everything that goes wrong on a vehicle (MINUTES=, 30)
+	@GIP_SOAK=$$(( $(or $(MINUTES),30) * 60 )) $(VENV)/bin/python -m pytest -s test/test_ros_soak.py
 
 clean: ## remove the environment, caches and results
 	rm -rf $(VENV) build install log results *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -17,7 +17,14 @@ from pathlib import Path
 from gip_localizer.errors import ParameterError
 from gip_localizer.parameter_specs import dump_ros_yaml, group, load_ros_yaml, ParameterGroup
 from gip_localizer.parameter_specs import parameter as p
-from gip_localizer.stack_parameters import Diagnostics, Frames, InitialPose, State, Transforms
+from gip_localizer.stack_parameters import (
+    Diagnostics,
+    Frames,
+    InitialPose,
+    MaskTopic,
+    State,
+    Transforms,
+)
 
 METRICS = ('gip', 'gip_normalized', 'euclidean', 'euclidean_normalized')
 
@@ -187,6 +194,7 @@ class Parameters(ParameterGroup):
                         read_only=True)
     frames: Frames = group(Frames)
     camera: MountedCamera = group(MountedCamera)
+    mask: MaskTopic = group(MaskTopic)
     initial_pose: InitialPose = group(InitialPose)
     birdseye: Birdseye = group(Birdseye)
     search: Search = group(Search)

@@ -44,6 +44,21 @@ class Transforms:
 
 
 @dataclass(frozen=True)
+class MaskTopic:
+    """A mask with each image, as a segmentation network gives it, on the topic `mask`."""
+
+    from_topic: bool = p(False, 'Take a mask with each image from the topic mask (mono8 of the '
+                         "image's size and stamp; from 128 on is looked at), beside mask_file.",
+                         read_only=True)
+    tolerance: float = p(0.0, 'Largest difference between the stamps of an image and its mask.',
+                         unit='s', low=0.0, high=1.0)
+    timeout: float = p(0.1, 'How long an image waits for its mask.', unit='s', low=0.0,
+                       high=10.0)
+    required: bool = p(False, 'What becomes of an image without a usable mask. True: withheld; '
+                       'false: localized without it.')
+
+
+@dataclass(frozen=True)
 class State:
     """The last pose, kept in `state_file` for a restart."""
 

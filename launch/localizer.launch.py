@@ -20,7 +20,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 CONFIG = Path(get_package_share_directory('gip_localizer')) / 'config'
 TOPICS = (
-    'image', 'image/compressed', 'camera_info', 'odom', 'initialpose', 'pose',
+    'image', 'image/compressed', 'mask', 'camera_info', 'odom', 'initialpose', 'pose',
     'pose_with_covariance', 'map',
 )  # fmt: skip
 ARGUMENTS = {

@@ -4,9 +4,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 import copy
 import dataclasses
 import math
+import os
+import time
 from typing import Any
 
 from hypothesis import strategies as st
@@ -17,6 +21,19 @@ FLOATS = [0.0, -0.0, 1.0, -1.0, 1e-300, -1e-9, 0.5, 3.0, 1e3, -1e7, 1e18, 1e308,
 INTEGERS = [0, 1, 2, 3, 255, 256, 65535, 65536, 2**31 - 1, 2**32 - 1, -1, -2**31]
 TEXTS = ['', 'map', '/map', 'mono8', 'mono16', 'bgr8', 'bayer_rggb8', 'yuv422_yuy2', '32FC1',
          'jpeg', 'png', 'equidistant', 'rational_polynomial', 'plumb_bob', '\0', 'é' * 300]
+
+
+LONG = 'GIP_FUZZ' in os.environ
+HANG = 1.0
+"""Seconds of computing that no message and no file may take."""
+
+
+@contextmanager
+def no_hang() -> Iterator[None]:
+    """Hold what is done against the time that it may take, where the run is a long one."""
+    started = time.process_time()
+    yield
+    assert not LONG or time.process_time() - started < HANG
 
 
 def leaves(message: Any, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:

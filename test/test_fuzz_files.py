@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Mutated map, parameter and state files: read, or refused with an error that names the file.
+Mutated map, mask, parameter and state files: read, or refused with an error that names the file.
 
-`GIP_FUZZ=1000 python -m pytest test/test_fuzz_files.py` tries so many of each.
+`make fuzz` tries thousands of each, none of which may take longer than a second.
 
 """
 
@@ -12,16 +12,17 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import cv2
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mutations import mutated_bytes
+from mutations import mutated_bytes, no_hang
 import numpy as np
 import pytest
 
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import GipError
-from gip_localizer.io.map_files import load_map, save_map
+from gip_localizer.io.map_files import load_map, load_mask, save_map
 from gip_localizer.io.state_file import LastPose, load_state, save_state
 from gip_localizer.parameters import dump_parameter_file, load_parameter_file, Parameters
 
@@ -43,7 +44,8 @@ def attempt(read, path: Path, content: bytes):
     """Write, read; an error must be one of the package, and name the file."""
     path.write_bytes(content)
     try:
-        return read(path)
+        with no_hang():
+            return read(path)
     except GipError as error:
         assert path.name in str(error) or path.stem in str(error)  # noqa: PT017
         return None
@@ -73,6 +75,16 @@ def test_mutated_map_pictures(folder, raster, data):
     found = attempt(lambda _: load_map(yaml), folder / 'picture.png', content)
     if found is not None:
         assert found.grey.ndim == 2
+
+
+@MANY
+@given(data=st.data(), suffix=st.sampled_from(['.png', '.pgm', '.jpg']))
+def test_mutated_mask_files(folder, raster, data, suffix):
+    good = cv2.imencode(suffix, np.where(raster.grey > 99, 255, 0).astype(np.uint8))[1].tobytes()
+    found = attempt(load_mask, folder / f'mask_fuzz{suffix}', data.draw(mutated_bytes(good)))
+    if found is not None:
+        assert found.ndim == 2
+        assert found.dtype == np.uint8
 
 
 @MANY

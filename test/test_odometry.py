@@ -87,7 +87,7 @@ def test_stamps_that_step_back_a_little_are_refused(back_ns):
     buffer = driven()
     last = buffer.latest.stamp_ns
     assert not buffer.add(OdometrySample(last - back_ns, Pose2(0.0, 0.0, 0.0)))
-    assert 'before the last' in buffer.complaint
+    assert ('before the last' if back_ns else 'repeats the stamp') in buffer.complaint
     assert buffer.latest.stamp_ns == last
     assert buffer.add(OdometrySample(last + 20 * MS, on_circle(1e-9 * last + 0.02)))
     assert buffer.complaint == ''

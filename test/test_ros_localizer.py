@@ -184,19 +184,25 @@ def test_the_map_is_shown_as_it_is(tester, localizer):
 
 
 def test_pictures_are_sent_while_someone_looks(tester, localizer, render):
-    seen, times = [], []
-    for topic in ('birdseye', 'overlay'):
-        name = f'/localizer/{topic}'
-        tester.create_subscription(Image, name, seen.append, qos_profile_sensor_data)
+    seen, times = {}, []
+    for topic in ('birdseye', 'comparison', 'overlay'):
+        tester.create_subscription(
+            Image, f'/localizer/{topic}', lambda m, t=topic: seen.__setitem__(t, m),
+            qos_profile_sensor_data,
+        )
     tester.create_subscription(Float64, '/localizer/execution_time_ms', times.append, 10)
     images = frames(render(START))
 
     def came():
         send(tester, next(images), localizer)
-        return len({picture.width for picture in seen}) == 2 and times
+        return len(seen) == 3 and times
 
-    tester.until(came, 'both pictures and the time', alive=localizer)
-    assert all(np.ptp(np.asarray(picture.data)) > 10 for picture in seen)
+    tester.until(came, 'all pictures and the time', alive=localizer)
+    assert all(np.ptp(np.asarray(picture.data)) > 10 for picture in seen.values())
+    overlay = seen['overlay']
+    assert (overlay.width, overlay.height, overlay.encoding) == (320, 240, 'bgr8')
+    assert overlay.header.frame_id == 'camera'
+    assert seen['comparison'].width > 3 * seen['birdseye'].width
     assert times[-1].data > 0.0
 
 

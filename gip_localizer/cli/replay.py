@@ -50,6 +50,8 @@ def add_parser(verbs: Any) -> None:
     topics.add_argument('--image-topic', metavar='TOPIC')
     topics.add_argument('--camera-info-topic', metavar='TOPIC')
     topics.add_argument('--odom-topic', metavar='TOPIC')
+    topics.add_argument('--mask-topic', metavar='TOPIC',
+                        help='masks of the images, by stamp (sets mask.from_topic)')
     topics.add_argument('--ground-truth', metavar='TOPIC|FILE',
                         help='topic of the bag, or a TUM file (base in the map frame)')
     part = parser.add_argument_group('part of the bag')
@@ -91,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _open(args: argparse.Namespace) -> tuple[Bag, Topics, Trajectory | None, list[str]]:
     """Return bag, topics, truth and what is to be said of them."""
-    from gip_localizer.evaluation.replay import read_truth
+    from gip_localizer.evaluation.truth import read_truth
     from gip_localizer.io.bag_topics import choose_topics, TopicNames
     from gip_localizer.io.bags import Bag
     from gip_localizer.io.trajectory import read_tum
@@ -102,8 +104,9 @@ def _open(args: argparse.Namespace) -> tuple[Bag, Topics, Trajectory | None, lis
     truth = read_tum(asked) if is_file else None
     bag = Bag(args.bag)
     named = TopicNames(args.image_topic, args.camera_info_topic, args.odom_topic,
-                       None if is_file else asked)
-    topics = choose_topics(bag, named, find_truth=not is_file)
+                       None if is_file else asked, args.mask_topic)
+    topics = choose_topics(bag, named, find_truth=not is_file,
+                           find_mask=_base_parameters(args).mask.from_topic)
     notes = list(topics.notes)
     if topics.truth is not None:
         truth, said = read_truth(bag, topics, _base_parameters(args).frames.map)
@@ -123,6 +126,8 @@ def _base_parameters(args: argparse.Namespace) -> Parameters:
     from gip_localizer.parameters import load_parameter_file, Parameters
 
     base = load_parameter_file(args.params) if args.params else Parameters()
+    if args.mask_topic is not None:
+        base = base.replace({'mask.from_topic': True})
     return base.replace(parse_settings(args.settings, Parameters))
 
 
@@ -163,7 +168,7 @@ def _initial_pose(text: str, truth: Trajectory | None) -> tuple[float, float, fl
 def _sources(args: argparse.Namespace, topics: Topics) -> dict[str, Any]:
     names = {
         'image': topics.image, 'camera_info': topics.camera_info, 'odometry': topics.odometry,
-        'truth': topics.truth,
+        'truth': topics.truth, 'mask': topics.mask,
     }
     sources: dict[str, Any] = {'bag': ', '.join(str(path) for path in args.bag)}
     if args.params is not None:

@@ -12,6 +12,8 @@ from gip_localizer.core.pose import interpolate, Pose2
 from gip_localizer.parameters import Motion
 
 KEPT_NS = 20_000_000_000  # odometry older than this before the newest is dropped
+MAX_TURN = 50.0  # rad/s, beyond any vehicle
+LEAP_S = 20.0  # a step ahead by more than this must be confirmed by the next sample
 REWIND_NS = 1_000_000_000  # a step back in time by more than this is a restart, not disorder
 
 
@@ -59,6 +61,7 @@ class OdometryBuffer:
     limits: Motion
     complaint: str = ''
     refused: int = 0
+    _leapt: OdometrySample | None = None
     _samples: list[OdometrySample] = field(default_factory=list)
 
     @property
@@ -69,6 +72,7 @@ class OdometryBuffer:
     def clear(self) -> None:
         """Forget all samples."""
         self._samples.clear()
+        self._leapt = None
 
     def add(self, sample: OdometrySample) -> bool:
         """Take a sample; False where it is refused (see `complaint`)."""
@@ -86,21 +90,54 @@ class OdometryBuffer:
         numbers = (*sample.pose, sample.forward, sample.left, sample.turn)
         if not all(math.isfinite(value) for value in numbers):
             return 'odometry holds NaN or infinity'
-        last = self.latest
-        if last is None:
+        speed = math.hypot(sample.forward, sample.left)
+        if speed > self.limits.max_speed or abs(sample.turn) > MAX_TURN:
+            return (
+                f'odometry tells {speed:.3g} m/s and {sample.turn:.3g} rad/s; expected no more '
+                f'than motion.max_speed {self.limits.max_speed:g} m/s and {MAX_TURN:g} rad/s'
+            )
+        if self.latest is None:
             return ''
+        ahead = (sample.stamp_ns - self.latest.stamp_ns) * 1e-9
+        if ahead <= 0.0:
+            return self._backward(-ahead)
+        if ahead > LEAP_S and not self._follows_leap(sample):
+            return (
+                f'odometry stamp leaps ahead by {ahead:.3f} s; it is taken if the next one '
+                'follows it'
+            )
+        self._leapt = None
+        return self._jump(sample, self.latest)
+
+    def _jump(self, sample: OdometrySample, last: OdometrySample) -> str:
         elapsed = (sample.stamp_ns - last.stamp_ns) * 1e-9
-        if elapsed <= 0.0:
-            if last.stamp_ns - sample.stamp_ns > REWIND_NS:
-                self.clear()
-                return ''
-            return f'odometry stamp is {-elapsed:.3f} s before the last one'
         moved = math.hypot(sample.pose.x - last.pose.x, sample.pose.y - last.pose.y)
         if moved / elapsed > self.limits.max_speed and moved > 0.1:
             self.clear()
             self._samples.append(sample)
             return f'odometry jumped {moved:.2f} m in {elapsed:.3f} s'
         return ''
+
+    def _backward(self, seconds: float) -> str:
+        if seconds > REWIND_NS * 1e-9:
+            self.clear()
+            return ''
+        if seconds == 0.0:
+            return 'odometry repeats the stamp of the last one'
+        return f'odometry stamp is {seconds:.3f} s before the last one'
+
+    def _follows_leap(self, sample: OdometrySample) -> bool:
+        """Tell whether a leap in time is confirmed; all before it is forgotten then."""
+        leapt, self._leapt = self._leapt, sample
+        if leapt is None or not 0 < sample.stamp_ns - leapt.stamp_ns <= LEAP_S * 1e9:
+            return False
+        self._samples = [leapt]
+        return True
+
+    def apart(self, stamp_ns: int) -> float | None:
+        """Seconds by which the newest sample is ahead of a stamp; None without samples."""
+        last = self._leapt or self.latest
+        return None if last is None else (last.stamp_ns - stamp_ns) * 1e-9
 
     def motion(self, start_ns: int, end_ns: int) -> Pose2 | None:
         """

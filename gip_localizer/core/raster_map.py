@@ -25,6 +25,8 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.core.sampling import corners, Samples
 from gip_localizer.errors import MapError
 
+QUARTER = np.array([-3.0, 29.0, 111.0, -9.0, 0.0], np.float32) / 128.0
+"""Cubic convolution a quarter of a cell before the middle one of five."""
 WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0, np.dtype(np.float32): 1.0}
 
 
@@ -174,6 +176,21 @@ class RasterMap:
         values, valid = _smoothed(self.grey, self.valid, cell / self.resolution)
         return RasterMap(values, self.resolution, self.origin, valid)
 
+    def doubled(self) -> RasterMap:
+        """
+        Return the map (float32) on cells of half the side, by cubic convolution.
+
+        Between cell centres bilinear sampling blurs, at them it does not, which draws a match
+        towards the one or the other; sampled on the halved cells that pull is small.
+
+        """
+        values = np.asarray(self.grey, np.float32) / np.float32(WHITE[self.grey.dtype])
+        valid = None
+        if self.valid is not None:
+            whole = cv2.erode(self.valid.astype(np.uint8), np.ones((3, 3), np.uint8))
+            valid = np.repeat(np.repeat(whole > 0, 2, axis=0), 2, axis=1)
+        return RasterMap(_doubled(values), 0.5 * self.resolution, self.origin, valid)
+
     def sample(self, xy_map: Floats) -> tuple[Floats, Bools]:
         """
         Grey at map points, bilinear between cell centres.
@@ -252,3 +269,14 @@ def _smoothed(values: Floats, valid: Bools | None, ratio: float) -> tuple[Floats
     share = cv2.GaussianBlur(valid.astype(np.float32), (0, 0), sigma)
     known = cv2.GaussianBlur(np.where(valid, values, np.float32(0.0)), (0, 0), sigma)
     return (known / np.maximum(share, 1e-6)).astype(np.float32), valid & (share > 0.5)
+
+
+def _doubled(values: Floats) -> Floats:
+    """Twice the rows and columns, by cubic convolution (Keys 1981, exact for parabolas)."""
+    out = np.empty((2 * values.shape[0], 2 * values.shape[1]), np.float32)
+    for i, down in enumerate((QUARTER, QUARTER[::-1])):
+        for k, right in enumerate((QUARTER, QUARTER[::-1])):
+            out[i::2, k::2] = cv2.sepFilter2D(
+                values, cv2.CV_32F, right, down, borderType=cv2.BORDER_REPLICATE
+            )
+    return out

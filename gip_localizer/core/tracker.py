@@ -17,6 +17,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.odometry import OdometryBuffer
+from gip_localizer.core.odometry_trust import OdometryTrust
 from gip_localizer.core.pose import difference, Pose2, wrap_angle
 from gip_localizer.errors import GipError
 from gip_localizer.parameters import Motion
@@ -87,10 +88,12 @@ class Tracker:
     def __init__(self, motion: Motion) -> None:
         self._noise = motion
         self.odometry = OdometryBuffer(motion)
+        self.trust = OdometryTrust()
         self.belief: Belief | None = None
         self.prediction_source = 'none'
         self._velocity: Pose2 | None = None  # per second, base axes
         self._last_fix: Belief | None = None
+        self._compared_since: Belief | None = None
 
     def configure(self, motion: Motion) -> None:
         """Change the noise of the motion."""
@@ -102,6 +105,9 @@ class Tracker:
         self.belief = belief
         self._velocity = None
         self._last_fix = None
+        self._compared_since = None
+        if belief is None:
+            self.trust = OdometryTrust()
 
     def predict(self, stamp_ns: int) -> Belief | None:
         """Return the belief moved to a stamp; None without one."""
@@ -114,14 +120,27 @@ class Tracker:
     def _motion(self, stamp_ns: int, elapsed: float) -> Pose2:
         assert self.belief is not None
         measured = self.odometry.motion(self.belief.stamp_ns, stamp_ns)
-        if measured is not None:
+        held = self._held_motion(elapsed)
+        if measured is not None and self.trust.usable(measured, held, elapsed):
             self.prediction_source = 'odometry'
             return measured
-        if self._velocity is not None and elapsed < HELD_VELOCITY_S:
+        if held is not None:
             self.prediction_source = 'constant velocity'
-            return _scaled(self._velocity, elapsed)
+            return held
         self.prediction_source = 'standstill'
         return Pose2(0.0, 0.0, 0.0)
+
+    def _held_motion(self, elapsed: float) -> Pose2 | None:
+        if self._velocity is None or elapsed >= HELD_VELOCITY_S:
+            return None
+        return _scaled(self._velocity, elapsed)
+
+    def moved_since(self, stamp_ns: int, now_ns: int) -> Pose2 | None:
+        """Return the motion from one stamp to another as far as it is known without a match."""
+        measured = self.odometry.motion(stamp_ns, now_ns)
+        if measured is not None and not self.trust.doubted:
+            return measured
+        return self._held_motion((now_ns - stamp_ns) * 1e-9)
 
     def _motion_covariance(self, motion: Pose2, elapsed: float) -> Floats:
         driven = math.hypot(motion.x, motion.y)
@@ -171,6 +190,26 @@ class Tracker:
                 step = self._last_fix.pose.inverse() @ fix.pose
                 self._velocity = _scaled(step, 1.0 / elapsed)
         self._last_fix = fix
+        self._compare(fix)
+
+    def _compare(self, fix: Belief) -> None:
+        """Hold odometry against the fixes."""
+        since = self._compared_since
+        told = None
+        if since is not None:
+            told = self.odometry.motion(since.stamp_ns, fix.stamp_ns)
+        if since is None or told is None:
+            self._compared_since = fix
+            return
+        elapsed = (fix.stamp_ns - since.stamp_ns) * 1e-9
+        drift = self._motion_covariance(told, elapsed)
+        spread = since.covariance + fix.covariance + drift
+        done = self.trust.compare(
+            told, since.pose.inverse() @ fix.pose, math.sqrt(spread[0, 0] + spread[1, 1]),
+            math.sqrt(spread[2, 2]), elapsed,
+        )
+        if done:
+            self._compared_since = fix
 
 
 def _scaled(motion: Pose2, factor: float) -> Pose2:

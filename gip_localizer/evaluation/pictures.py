@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gip_localizer.core.birdseye import View
+from gip_localizer.core.footprints import Grid
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
 
@@ -28,7 +29,7 @@ def birdseye_picture(view: View) -> Picture:
     return np.where(view.valid, _stretched(view.patch, view.valid), 0).astype(np.uint8)
 
 
-def map_window(raster_map: RasterMap, view: View, pose: Pose2) -> tuple[Floats32, Bools]:
+def map_window(raster_map: RasterMap, grid: Grid, pose: Pose2) -> tuple[Floats32, Bools]:
     """
     Return the map where the cells of a view lie.
 
@@ -36,8 +37,8 @@ def map_window(raster_map: RasterMap, view: View, pose: Pose2) -> tuple[Floats32
     ----------
     raster_map : RasterMap
         The map.
-    view : View
-        Only its grid is used.
+    grid : Grid
+        Of the view.
     pose : Pose2
         T_map_base.
 
@@ -49,11 +50,11 @@ def map_window(raster_map: RasterMap, view: View, pose: Pose2) -> tuple[Floats32
         The map holds data there.
 
     """
-    values, valid = raster_map.sample(pose.transform(view.grid.points()))
-    return values.reshape(view.grid.shape), valid.reshape(view.grid.shape)
+    values, valid = raster_map.sample(pose.transform(grid.points()))
+    return values.reshape(grid.shape), valid.reshape(grid.shape)
 
 
-def overlay_picture(raster_map: RasterMap, view: View, pose: Pose2) -> Picture:
+def comparison_picture(raster_map: RasterMap, view: View, pose: Pose2) -> Picture:
     """
     Show the view, the map window of a pose, and both in one, side by side.
 
@@ -64,7 +65,7 @@ def overlay_picture(raster_map: RasterMap, view: View, pose: Pose2) -> Picture:
         where they agree it is grey.
 
     """
-    window, known = map_window(raster_map, view, pose)
+    window, known = map_window(raster_map, view.grid, pose)
     seen = _stretched(view.patch, view.valid)
     mapped = _stretched(window, known)
     both = np.dstack([mapped, mapped, seen])

@@ -9,7 +9,7 @@ Only what the results need is kept of a frame, so that memory does not grow with
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 import time
 from typing import Any
@@ -20,12 +20,12 @@ from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import BagError, ImageError
 from gip_localizer.evaluation.exhibits import WorstFrames
 from gip_localizer.evaluation.run import Run
-from gip_localizer.io.bag_sources import END
-from gip_localizer.io.bag_topics import IMAGES, ODOMETRY, Topics, TRUTH
+from gip_localizer.io.bag_sources import BagMessage, END
+from gip_localizer.io.bag_topics import IMAGES, ODOMETRY, Topics
 from gip_localizer.io.bags import Bag
 from gip_localizer.io.frontend import Frontend
 from gip_localizer.io.images import compressed_grey_image, grey_image
-from gip_localizer.io.messages import planar_pose, PoseMessageError, stamp_ns
+from gip_localizer.io.mask_pairing import Masked, MaskPairing
 from gip_localizer.io.trajectory import Trajectory
 from gip_localizer.parameters import Parameters
 
@@ -62,48 +62,6 @@ class Window:
         return min(max((min(stop, bag.end_ns) - start) / length, 0.0), 1.0)
 
 
-def read_truth(bag: Bag, topics: Topics, map_frame: str) -> tuple[Trajectory | None, list[str]]:
-    """
-    Read the ground truth of a bag.
-
-    Parameters
-    ----------
-    bag : Bag
-        Where it is.
-    topics : Topics
-        Names its topic, or none.
-    map_frame : str
-        The frame that it should be in.
-
-    Returns
-    -------
-    Trajectory or None
-        None where there is none.
-    list of str
-        What is to be said of it.
-
-    """
-    if topics.truth is None:
-        return None, []
-    name = topics.truth.name
-    samples, frames, refused = [], set(), 0
-    for raw in bag.messages([name]):
-        message = bag.decode(raw) if raw.msgtype in TRUTH else None
-        if message is None:
-            continue
-        frames.add(message.header.frame_id)
-        posed = message.pose if raw.msgtype == TRUTH[0] else message.pose.pose
-        try:
-            samples.append((stamp_ns(message.header), planar_pose(posed)))
-        except PoseMessageError:
-            refused += 1
-    notes = [f'ground truth {name} is in frame {frame!r}, not in {map_frame!r}: errors hold only '
-             'if both are the same' for frame in sorted(frames - {map_frame, ''})]
-    if refused:
-        notes.append(f'ground truth {name}: {refused} messages hold no usable pose')
-    return (Trajectory.from_samples(samples) if samples else None), notes
-
-
 @dataclass
 class Replay:
     """
@@ -138,6 +96,10 @@ class Replay:
         self._frontend = Frontend(self.raster_map, self.parameters)
         self._worst = WorstFrames(self.truth, self.raster_map)
         self._complaints: dict[str, str] = {}
+        self._doubts: dict[str, tuple[int, str]] = {}
+        self._pairing = None
+        if self.topics.mask is not None:
+            self._pairing = MaskPairing(lambda: self.parameters.mask)
         self._seconds = 0.0
         self._complete = False
 
@@ -163,11 +125,11 @@ class Replay:
             self._calibrate(window)
             for message in self.bag.messages(self.topics.replayed, *window.log_times(self.bag)):
                 decoded = self.bag.decode(message)
-                if decoded is None:
-                    continue
-                estimate = self._take(message.topic, message.msgtype, decoded)
-                if estimate is not None:
-                    on_frame(estimate)
+                if decoded is not None:
+                    for estimate in self._take(message, decoded):
+                        on_frame(estimate)
+            for masked in self._pairing.flush() if self._pairing else ():
+                on_frame(self._localize(masked.image, masked))
             self._complete = True
         except KeyboardInterrupt:
             self._complete = False
@@ -201,26 +163,45 @@ class Replay:
             notes=[*notes, *self.bag.notes, *self._unusable()],
         )
 
-    def _take(self, topic: str, msgtype: str, message: Any) -> Estimate | None:
-        if topic == self.topics.image.name:
-            return self._localize(msgtype, message)
-        if topic == self.topics.camera_info.name:
+    def _take(self, raw: BagMessage, message: Any) -> Iterator[Estimate]:
+        """Hand a message on; yield the estimates of the frames that it completes."""
+        for masked in self._pairing.overdue(raw.log_ns) if self._pairing else ():
+            yield self._localize(masked.image, masked)
+        if raw.topic == self.topics.image.name:
+            if self._pairing is None:
+                yield self._localize(message)
+            elif (paired := self._pairing.add_image(message, raw.log_ns)) is not None:
+                yield self._localize(paired.image, paired)
+        elif self._pairing is not None and raw.topic == self._mask_name:
+            if (paired := self._pairing.add_mask(message)) is not None:
+                yield self._localize(paired.image, paired)
+        else:
+            self._take_other(raw, message)
+
+    @property
+    def _mask_name(self) -> str:
+        return self.topics.mask.name if self.topics.mask is not None else ''
+
+    def _take_other(self, raw: BagMessage, message: Any) -> None:
+        if raw.topic == self.topics.camera_info.name:
             self._frontend.on_camera_info(message)
-        elif msgtype in ODOMETRY:
+        elif raw.msgtype in ODOMETRY:
             self._frontend.on_odometry(message)
         else:
             self._frontend.on_initial_pose(message)
         for concern, reason in self._frontend.complaints.items():
             self._complaints.setdefault(concern, reason)
-        return None
 
-    def _localize(self, msgtype: str, message: Any) -> Estimate:
-        if msgtype == COMPRESSED:
-            estimate = self._frontend.on_compressed_image(message)
+    def _localize(self, message: Any, masked: Masked | None = None) -> Estimate:
+        if self.topics.image.msgtype == COMPRESSED:
+            estimate = self._frontend.on_compressed_image(message, masked)
             self._worst.add(lambda: _or_none(compressed_grey_image, message), estimate)
         else:
-            estimate = self._frontend.on_image(message)
+            estimate = self._frontend.on_image(message, masked)
             self._worst.add(lambda: _or_none(grey_image, message), estimate)
+        for rule, detail in self._frontend.doubts.items():
+            times, first = self._doubts.get(rule, (0, detail))
+            self._doubts[rule] = (times + 1, first)
         kept = replace(estimate, match=None)
         self.estimates.append(kept)
         return kept
@@ -231,7 +212,11 @@ class Replay:
             f'{concern}: {counts.get(f"{concern}_refused", 0)} of {counts.get(concern, 0)} '
             f'messages refused, the first because: {reason}'
             for concern, reason in self._complaints.items()
-        ]
+        ] + [
+            f'{rule} in {times} of {len(self.estimates)} frames, first: {detail}'
+            for rule, (times, detail) in self._doubts.items()
+        ] + ([f'{self._pairing.dropped} images were overtaken by a newer one with its mask']
+             if self._pairing is not None and self._pairing.dropped else [])
 
 
 def _or_none(decode: Callable[[Any], Grey], message: Any) -> Grey | None:

@@ -13,6 +13,7 @@ from gip_localizer.io.bag_sources import Topic
 from gip_localizer.io.bags import Bag
 
 IMAGES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
+MASK = IMAGES[:1]
 CAMERA_INFO = ('sensor_msgs/msg/CameraInfo',)
 ODOMETRY = ('nav_msgs/msg/Odometry',)
 INITIAL_POSE = ('geometry_msgs/msg/PoseWithCovarianceStamped',)
@@ -29,6 +30,7 @@ class TopicNames:
     camera_info: str | None = None
     odometry: str | None = None
     truth: str | None = None
+    mask: str | None = None
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,8 @@ class Topics:
         Of the camera.
     odometry, initial_pose, truth : Topic or None
         None: the bag has none.
+    mask : Topic or None
+        None: none was asked for.
     notes : tuple of str
         What was taken or left by guess.
 
@@ -53,15 +57,18 @@ class Topics:
     initial_pose: Topic | None
     truth: Topic | None
     notes: tuple[str, ...] = ()
+    mask: Topic | None = None
 
     @property
     def replayed(self) -> set[str]:
         """Names of the topics that go to the localizer."""
-        topics = (self.image, self.camera_info, self.odometry, self.initial_pose)
+        topics = (self.image, self.camera_info, self.odometry, self.initial_pose, self.mask)
         return {topic.name for topic in topics if topic is not None}
 
 
-def choose_topics(bag: Bag, named: TopicNames, *, find_truth: bool = True) -> Topics:
+def choose_topics(
+    bag: Bag, named: TopicNames, *, find_truth: bool = True, find_mask: bool = False
+) -> Topics:
     """
     Choose before anything is decoded.
 
@@ -73,6 +80,8 @@ def choose_topics(bag: Bag, named: TopicNames, *, find_truth: bool = True) -> To
         What the user named.
     find_truth : bool
         False: the truth comes from elsewhere.
+    find_mask : bool
+        True: a mask is asked for, by name or as the one image topic that is called `mask`.
 
     Raises
     ------
@@ -82,7 +91,9 @@ def choose_topics(bag: Bag, named: TopicNames, *, find_truth: bool = True) -> To
 
     """
     topics = [topic for topic in bag.topics if bag.known(topic) and topic.messages]
-    image = _one(topics, IMAGES, named.image, 'image', '--image-topic')
+    mask = _mask(topics, named) if find_mask or named.mask is not None else None
+    rest = [topic for topic in topics if mask is None or topic.name != mask.name]
+    image = _one(rest, IMAGES, named.image, 'image', '--image-topic')
     if image is None:
         raise BagError(
             'the bag holds no sensor_msgs/msg/Image and no CompressedImage; it holds: '
@@ -102,7 +113,8 @@ def choose_topics(bag: Bag, named: TopicNames, *, find_truth: bool = True) -> To
                     ODOMETRY, named.odometry, 'odometry', '--odom-topic')
     initial = [t for t in rest
                if t.msgtype in INITIAL_POSE and t.name.rsplit('/', 1)[-1] == 'initialpose']
-    return Topics(image, info, odometry, initial[0] if initial else None, truth, notes)
+    return Topics(image, info, odometry, initial[0] if initial else None, truth, notes,
+                  mask)
 
 
 def _one(topics: Collection[Topic], types: Collection[str], name: str | None, what: str,
@@ -119,6 +131,18 @@ def _one(topics: Collection[Topic], types: Collection[str], name: str | None, wh
     if len(fitting) > 1:
         raise BagError(f'several {what} topics; choose one with {option}: {_listed(fitting)}')
     return fitting[0] if fitting else None
+
+
+def _mask(topics: Collection[Topic], named: TopicNames) -> Topic:
+    called = [topic for topic in topics if topic.name.rsplit('/', 1)[-1] == 'mask']
+    mask = _one(topics if named.mask else called, MASK, named.mask, 'mask', '--mask-topic')
+    if mask is None:
+        raise BagError(
+            'mask.from_topic is set, and the bag holds no sensor_msgs/msg/Image called mask; '
+            'name it with --mask-topic, or set mask.from_topic=false. It holds: '
+            + _listed(topics)
+        )
+    return mask
 
 
 def _sibling_info(topics: Collection[Topic], image: str) -> str | None:

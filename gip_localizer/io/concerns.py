@@ -76,6 +76,16 @@ CAMERA = Concern('camera', (
          'diagnostics.camera_timeout'),
     Rule('NO_IMAGE', E, 'no image has come for diagnostics.camera_timeout'),
     Rule(Status.BAD_IMAGE, E, 'encoding, step, size or data of the image cannot be used'),
+    Rule(Status.FROZEN_IMAGE, E, 'pixels repeat those of the frame before, while the motion says '
+         'that the vehicle moved: the camera is frozen'),
+    Rule('REPEATED_IMAGES', W, 'three frames or more with the same pixels, and nothing says that '
+         'the vehicle moved', withheld=False),
+    Rule(Status.NO_MASK, E, 'mask.required is set, and the image has no usable mask'),
+    Rule('MASK_MISSING', W, 'mask.from_topic is set, and no mask of the stamp of the image came '
+         'within mask.timeout; without mask.required it is localized without one',
+         withheld=False),
+    Rule('MASK_REFUSED', W, 'size, encoding or data of the mask cannot be used; the same holds',
+         withheld=False),
     Rule(Status.OUT_OF_ORDER, W, 'a frame is not newer than the one before; it is skipped'),
     Rule('TIME_WENT_BACK', W, 'the clock went back in the last 10 s (a bag in a loop): belief '
          'and odometry begin anew', withheld=False),
@@ -89,6 +99,9 @@ CAMERA = Concern('camera', (
     'image_delay': ('s', 'clock minus stamp when the last image came'),
     'image_rate': ('1/s', 'images per second of their stamps'),
     'images_refused': ('', 'that could not be used'),
+    'masks': ('', 'images whose mask came'),
+    'masks_refused': ('', 'images without a usable mask, where one is asked for'),
+    'images_overtaken': ('', 'that a newer image with its mask overtook'),
 })  # fmt: skip
 
 CALIBRATION = Concern('calibration', (
@@ -127,8 +140,14 @@ PRIOR = Concern('prior', (
 })  # fmt: skip
 
 ODOMETRY = Concern('odometry', (
-    Rule('ODOMETRY_REFUSED', W, 'it jumps, goes back in time, holds NaN or is of another frame '
-         '(told for 10 s)', withheld=False),
+    Rule('ODOMETRY_REFUSED', W, 'it jumps, repeats a stamp, goes back or leaps in time, holds NaN '
+         'or is of another frame than frames.odom and frames.base (told for 10 s)',
+         withheld=False),
+    Rule('ODOMETRY_OFF_TIME', W, 'none is stamped within motion.max_gap of the image; the last '
+         'velocity is held', withheld=False),
+    Rule('ODOMETRY_CONTRADICTED', W, 'the matches moved otherwise than odometry tells (it stands '
+         'still, is of another vehicle or in other units); the velocity of the matches is held '
+         'until both agree again', withheld=False),
     Rule('ODOMETRY_STALE', W, 'none has come for diagnostics.odometry_timeout; the last velocity '
          'is held', withheld=False),
 ), {

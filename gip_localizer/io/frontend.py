@@ -24,8 +24,11 @@ from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import CalibrationError, GipError, ImageError
 from gip_localizer.io import messages
+from gip_localizer.io.doubts import odometry_doubts, RepeatedImages, TOLD_AFTER
 from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.map_files import load_mask
+from gip_localizer.io.mask_pairing import Masked
+from gip_localizer.io.masks import both, fitting, mask_image, MaskError
 from gip_localizer.parameters import Parameters
 
 SIZE_SLACK = 1  # px by which an image may differ from its calibration (rounding of binning)
@@ -55,6 +58,12 @@ class Frontend:
         Concern (camera_info, odom, initialpose) → what is wrong with its last message.
     counts : dict
         Messages per topic, and how many of them were refused (`<topic>_refused`).
+    image : (height, width) array or None
+        The last frame; None where it could not be read.
+    camera_frame : str
+        Its frame, as its header names it.
+    doubts : dict
+        Rule of `gip_localizer.io.concerns` → detail, of the last frame.
 
     """
 
@@ -62,6 +71,10 @@ class Frontend:
         self.localizer = Localizer(raster_map, parameters)
         self.complaints: dict[str, str] = {}
         self.counts: dict[str, int] = {}
+        self.doubts: dict[str, str] = {}
+        self.image: Grey | None = None
+        self.camera_frame = ''
+        self._repeats = RepeatedImages()
         self._calibration: Calibration | None = None
         self._info_raw: tuple[object, ...] | None = None
         self._camera: CameraModel | None = None
@@ -71,6 +84,11 @@ class Frontend:
     def parameters(self) -> Parameters:
         """The parameters in force."""
         return self.localizer.parameters
+
+    @property
+    def camera(self) -> CameraModel | None:
+        """The camera of the last frame; None before the first or where it cannot be used."""
+        return self._camera
 
     def configure(self, parameters: Parameters) -> None:
         """Take new parameters from the next frame on."""
@@ -84,7 +102,7 @@ class Frontend:
     def on_camera_info(self, message: Any) -> None:
         """Take a sensor_msgs/CameraInfo; an unusable one replaces nothing."""
         self._count('camera_info')
-        raw = _fingerprint(message)
+        raw = messages.fingerprint(message)
         if raw == self._info_raw:
             self.complaints.pop('camera_info', None)
             return
@@ -108,11 +126,12 @@ class Frontend:
         except GipError as error:
             self._complain('odom', str(error))
             return
-        frame = str(message.child_frame_id)
-        if frame and frame != self.parameters.frames.base:
-            self._complain('odom', (
-                f'odometry is of {frame!r}, expected frames.base {self.parameters.frames.base!r}'
-            ))
+        frames = self.parameters.frames
+        wrong = messages.other_frame('of', message.child_frame_id, 'frames.base', frames.base) or (
+            messages.other_frame('in', message.header.frame_id, 'frames.odom', frames.odom)
+        )
+        if wrong:
+            self._complain('odom', wrong)
             return
         if self.localizer.add_odometry(sample):
             self.complaints.pop('odom', None)
@@ -145,40 +164,60 @@ class Frontend:
         covariance = messages.planar_covariance(message.pose.covariance)
         self.localizer.set_prior(messages.stamp_ns(message.header), pose, covariance)
 
-    def on_image(self, message: Any) -> Estimate:
-        """Localize a sensor_msgs/Image."""
-        return self._on_frame(message, grey_image)
+    def on_image(self, message: Any, masked: Masked | None = None) -> Estimate:
+        """Localize a sensor_msgs/Image; `masked` where a mask is asked for with it."""
+        return self._on_frame(message, grey_image, masked)
 
-    def on_compressed_image(self, message: Any) -> Estimate:
-        """Localize a sensor_msgs/CompressedImage."""
-        return self._on_frame(message, compressed_grey_image)
+    def on_compressed_image(self, message: Any, masked: Masked | None = None) -> Estimate:
+        """Localize a sensor_msgs/CompressedImage, likewise."""
+        return self._on_frame(message, compressed_grey_image, masked)
 
-    def _on_frame(self, message: Any, decode: Callable[[Any], Grey]) -> Estimate:
+    def _on_frame(
+        self, message: Any, decode: Callable[[Any], Grey], masked: Masked | None
+    ) -> Estimate:
         self._count('image')
+        self.doubts, self.image = {}, None
+        self.camera_frame = str(message.header.frame_id)
         stamp = messages.stamp_ns(message.header)
         if self._calibration is None:
             wrong = self.complaints.get('camera_info', 'no camera_info received yet')
             return Estimate(stamp, Status.NO_CALIBRATION, wrong)
         try:
-            image = decode(message)
+            self.image = image = decode(message)
             camera = self._camera_for(image)
-            mask = self._mask_for(image)
+            mask = both(fitting(self._mask, image), self._mask_of(masked, image))
+        except MaskError as error:
+            return Estimate(stamp, Status.NO_MASK, str(error))
         except ImageError as error:
             self._refuse('image')
             return Estimate(stamp, Status.BAD_IMAGE, str(error))
         except CalibrationError as error:
             self._refuse('image')
             return Estimate(stamp, Status.NO_CALIBRATION, str(error))
+        tracker = self.localizer.tracker
+        self.doubts |= odometry_doubts(stamp, tracker)
+        if frozen := self._repeats.frozen(stamp, image, tracker):
+            return Estimate(stamp, Status.FROZEN_IMAGE, frozen)
+        if self._repeats.repeats >= TOLD_AFTER:
+            self.doubts['REPEATED_IMAGES'] = f'{self._repeats.repeats} in a row'
         return self.localizer.update(stamp, image, camera, mask=mask)
 
-    def _mask_for(self, image: Grey) -> Grey | None:
-        if self._mask is not None and self._mask.shape != image.shape:
-            (rows, cols), (height, width) = self._mask.shape, image.shape
-            raise ImageError(
-                f'mask_file is {cols}x{rows}, the image {width}x{height}; '
-                'draw the mask on an image of this camera'
-            )
-        return self._mask
+    def _mask_of(self, masked: Masked | None, image: Grey) -> Grey | None:
+        """Return the mask that came with an image; None where it may do without."""
+        if masked is None:
+            return None
+        try:
+            if masked.mask is None:
+                raise MaskError(masked.missing)
+            self._count('mask')
+            return mask_image(masked.mask, (image.shape[0], image.shape[1]))
+        except MaskError as error:
+            rule = 'MASK_MISSING' if masked.mask is None else 'MASK_REFUSED'
+            self.doubts[rule] = str(error)
+            self._refuse('mask')
+            if self.parameters.mask.required:
+                raise
+            return None
 
     def _calibrated_camera(self) -> CameraModel:
         if self._camera is None:
@@ -209,14 +248,3 @@ class Frontend:
     def _complain(self, concern: str, text: str) -> None:
         self._refuse(concern)
         self.complaints[concern] = text
-
-
-def _fingerprint(message: Any) -> tuple[object, ...]:
-    """Return the CameraInfo's content without its header, to tell a change."""
-    roi = message.roi
-    matrices = [getattr(message, name, None) for name in ('k', 'd', 'p', 'r')]
-    return (
-        message.width, message.height, message.distortion_model, message.binning_x,
-        message.binning_y, roi.x_offset, roi.y_offset, roi.width, roi.height,
-        *(None if m is None else tuple(float(v) for v in m) for m in matrices),
-    )

@@ -25,7 +25,7 @@ AGES = {'image': 'image_age', 'odom': 'odometry_age', 'pose': 'pose_age'}
 COMPLAINTS = {'odom': 'ODOMETRY_REFUSED', 'initialpose': 'INITIALPOSE_REFUSED'}
 COUNTED = {
     'image': ('', 'images_refused'), 'camera_info': ('camera_infos', 'camera_infos_refused'),
-    'odom': ('odometries', 'odometries_refused'),
+    'mask': ('masks', 'masks_refused'), 'odom': ('odometries', 'odometries_refused'),
     'initialpose': ('initialposes', 'initialposes_refused'),
 }  # fmt: skip
 
@@ -69,6 +69,10 @@ class Health:
         Seconds that never go back.
     lasting : dict
         Rules that hold until taken out, and their details.
+    doubts : dict
+        Rules that hold of the last frame, and their details.
+    overtaken : int
+        Images that a newer one with its mask overtook.
 
     """
 
@@ -80,6 +84,8 @@ class Health:
     lasting: dict[str, str] = field(default_factory=dict)
     estimate: Estimate | None = None
     prediction: str = 'none'
+    doubts: dict[str, str] = field(default_factory=dict)
+    overtaken: int = 0
     frames: int = 0
     published: int = 0
     _at: dict[str, float] = field(default_factory=dict)
@@ -153,7 +159,7 @@ class Health:
         active = {
             name: detail for name, (since, detail) in self._events.items()
             if now - since < REMEMBERED
-        } | self.lasting  # fmt: skip
+        } | self.lasting | self.doubts  # fmt: skip
         active |= self._silences() | self._stamp_faults()
         if 'camera_info' in self._complaints:
             active['CAMERA_INFO_REFUSED'] = self._complaints['camera_info']
@@ -232,7 +238,7 @@ class Health:
         for topic, (came, refused) in COUNTED.items():
             figures[came] = str(self._counts.get(topic, 0))
             figures[refused] = str(self._counts.get(f'{topic}_refused', 0))
-        figures['prediction'] = self.prediction
+        figures |= {'prediction': self.prediction, 'images_overtaken': str(self.overtaken)}
         return figures | self._match_figures()
 
     def _match_figures(self) -> dict[str, str]:

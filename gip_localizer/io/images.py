@@ -13,9 +13,11 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from gip_localizer.core.arrays import Grey
 from gip_localizer.errors import ImageError
+from gip_localizer.io.decoder_warnings import damage, decoder_warnings
 
 MAX_PIXELS = 1 << 27  # a larger image is a fault or an attack, not a camera
 COLOUR = {
@@ -122,11 +124,7 @@ def compressed_grey_image(message: Any) -> Grey:
     size = _declared_size(content)
     if size is not None and size[0] * size[1] > MAX_PIXELS:
         raise ImageError(f'compressed image declares {size[0]}x{size[1]} pixels; too large')
-    try:
-        flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-        pixels = cv2.imdecode(data, flags) if size is not None else None
-    except cv2.error:
-        pixels = None
+    pixels, damaged = _decoded(data) if size is not None else (None, '')
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
         raise ImageError(
             f'compressed image of {data.size} bytes and format {str(message.format)!r} cannot be '
@@ -134,7 +132,20 @@ def compressed_grey_image(message: Any) -> Grey:
         )
     if is_truncated_jpeg(content):
         raise ImageError(f'jpeg image of {data.size} bytes is truncated')
-    return np.asarray(pixels)
+    if damaged:
+        raise ImageError(f'compressed image of {data.size} bytes is damaged: {damaged}')
+    return pixels
+
+
+def _decoded(data: NDArray[np.uint8]) -> tuple[Grey | None, str]:
+    """Return the pixels, None where there are none, and what the decoder says of damage."""
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+    with decoder_warnings() as warnings:
+        try:
+            pixels = cv2.imdecode(data, flags)
+        except cv2.error:
+            pixels = None
+    return (None if pixels is None else np.asarray(pixels)), damage(warnings)
 
 
 JPEG_START, JPEG_END, PNG_START = b'\xff\xd8', b'\xff\xd9', b'\x89PNG\r\n\x1a\n'

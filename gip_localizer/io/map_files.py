@@ -20,6 +20,7 @@ from gip_localizer.core.arrays import Bools, Grey
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap, WHITE
 from gip_localizer.errors import MapError, OutputError
+from gip_localizer.io.decoder_warnings import damage, decoder_warnings
 from gip_localizer.io.images import is_truncated_jpeg
 from gip_localizer.io.map_store import Cells, stored_cells
 
@@ -162,15 +163,15 @@ def _number(path: Path, key: str, value: object) -> float:
     raise MapError(f'map {path}: {key} holds {str(value)[:40]!r}; expected a finite number')
 
 
-def _read_image(
-    path: Path, image: Path
-) -> tuple[Grey, Bools | None]:
+def _pixels(path: Path, image: Path) -> Grey:
+    """Return what the picture of a map holds, in all its channels."""
     if not image.is_file():
         raise MapError(f'map {path}: its image {image} does not exist')
-    try:
-        pixels = cv2.imread(str(image), cv2.IMREAD_UNCHANGED)
-    except (cv2.error, MemoryError) as error:
-        raise MapError(f'map {path}: its image {image} cannot be read ({error})') from None
+    with decoder_warnings() as warnings:
+        try:
+            pixels = cv2.imread(str(image), cv2.IMREAD_UNCHANGED)
+        except (cv2.error, MemoryError) as error:
+            raise MapError(f'map {path}: its image {image} cannot be read ({error})') from None
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
         raise MapError(
             f'map {path}: its image {image} cannot be read; expected an 8 or 16 bit image, '
@@ -178,7 +179,13 @@ def _read_image(
         )
     if is_truncated_jpeg(image.read_bytes()):
         raise MapError(f'map {path}: its image {image} is cut off; copy it again')
-    pixels = np.asarray(pixels)
+    if damaged := damage(warnings):
+        raise MapError(f'map {path}: its image {image} is damaged ({damaged}); copy it again')
+    return np.asarray(pixels)
+
+
+def _read_image(path: Path, image: Path) -> tuple[Grey, Bools | None]:
+    pixels = _pixels(path, image)
     if pixels.ndim == 2:
         return pixels, None
     valid = None

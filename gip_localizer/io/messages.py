@@ -17,6 +17,8 @@ from gip_localizer.errors import CalibrationError, GipError
 
 PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and rotation about z of a 6 x 6 covariance
 MAX_IMAGE_SIDE = 65536
+FARTHEST = 1e9
+"""Metres from the origin of a frame, beyond any map projection."""
 
 
 class PoseMessageError(GipError):
@@ -35,13 +37,18 @@ def planar_pose(pose: Any) -> Pose2:
     Raises
     ------
     PoseMessageError
-        NaN, or a quaternion whose length is not 1 (0.1 is forgiven).
+        NaN, a position beyond `FARTHEST`, or a quaternion whose length is not 1 (0.1 is
+        forgiven).
 
     """
     q = pose.orientation
     numbers = (pose.position.x, pose.position.y, q.x, q.y, q.z, q.w)
     if not all(math.isfinite(value) for value in numbers):
         raise PoseMessageError('pose holds NaN or infinity')
+    if max(abs(pose.position.x), abs(pose.position.y)) > FARTHEST:
+        raise PoseMessageError(
+            f'pose is at ({pose.position.x:.3g}, {pose.position.y:.3g}) m; expected a local frame'
+        )
     norm = math.hypot(q.x, q.y, q.z, q.w)
     if abs(norm - 1.0) > 0.1:
         raise PoseMessageError(f'orientation quaternion has length {norm:.3g}; expected 1')
@@ -117,3 +124,21 @@ def calibration(message: Any) -> Calibration:
         (max(int(message.binning_x), 1), max(int(message.binning_y), 1)),
         (int(roi.x_offset), int(roi.y_offset), int(roi.width), int(roi.height)),
     )
+
+
+def fingerprint(message: Any) -> tuple[object, ...]:
+    """Return the CameraInfo's content without its header, to tell a change."""
+    roi = message.roi
+    matrices = [getattr(message, name, None) for name in ('k', 'd', 'p', 'r')]
+    return (
+        message.width, message.height, message.distortion_model, message.binning_x,
+        message.binning_y, roi.x_offset, roi.y_offset, roi.width, roi.height,
+        *(None if m is None else tuple(float(v) for v in m) for m in matrices),
+    )
+
+
+def other_frame(word: str, frame: str, name: str, expected: str) -> str:
+    """Tell of odometry in another frame; one that is not named is taken."""
+    if not frame or frame.lstrip('/') == expected.lstrip('/'):
+        return ''
+    return f'odometry is {word} frame {frame!r}, expected {name} {expected!r}'

@@ -26,7 +26,8 @@ from gip_localizer.io.messages import planar_pose, stamp_ns
 PICTURES = {
     'image': 'camera image',
     'localizer/birdseye': "bird's-eye view, mean per cell",
-    'localizer/overlay': 'matched map window beside the view',
+    'localizer/comparison': 'view, matched map window, and both',
+    'localizer/overlay': 'the map drawn into the camera image',
 }
 KEPT_FRAMES = 3
 """Stamps for which pictures are held while waiting for their companions."""

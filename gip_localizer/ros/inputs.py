@@ -5,21 +5,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+import time
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from gip_localizer.core.estimate import Estimate
 from gip_localizer.io.frontend import Frontend
+from gip_localizer.io.mask_pairing import Masked, MaskPairing
 from gip_localizer.parameters import Parameters
 from gip_localizer.ros.endpoints import listen
 
 ODOMETRY_KEPT = 1000
 """Messages that may wait while a frame is localized; older ones are dropped."""
+MASKS_KEPT = 5
+"""Masks that may wait while a frame is localized."""
+LOOK = 0.01
+"""Seconds between two looks for images whose mask is overdue."""
 Localize = Callable[[Any], Estimate]
 
 
@@ -48,6 +56,9 @@ class Inputs:
         self._on_frame, self._on_other = on_frame, on_other
         # Before the image: of messages that wait, the executor takes them in this order.
         listen(node, CameraInfo, 'camera_info', self._take_camera_info, qos_profile_sensor_data)
+        self._pairing: MaskPairing | None = None
+        if frontend.parameters.mask.from_topic:
+            self._listen_to_masks(node, frontend.parameters)
         self._listen_to_images(node, frontend.parameters)
         self._odometry = listen(node, Odometry, 'odom', self._take_odometry, QoSProfile(
             depth=ODOMETRY_KEPT, reliability=ReliabilityPolicy.BEST_EFFORT
@@ -55,16 +66,43 @@ class Inputs:
         listen(node, PoseWithCovarianceStamped, 'initialpose', self._take_initial_pose,
                QoSProfile(depth=1))
 
+    @property
+    def overtaken(self) -> int:
+        """Images that a newer one with its mask overtook."""
+        return 0 if self._pairing is None else self._pairing.dropped
+
     def _listen_to_images(self, node: Node, parameters: Parameters) -> None:
-        camera = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        if parameters.image_reliability == 'reliable':
-            camera.reliability = ReliabilityPolicy.RELIABLE
+        self._decode: Callable[..., Estimate] = self._frontend.on_image
+        kind, topic = Image, 'image'
         if parameters.image_transport == 'compressed':
-            listen(node, CompressedImage, 'image/compressed', lambda message: self._on_frame(
-                self._frontend.on_compressed_image, message), camera)
-        else:
-            listen(node, Image, 'image', lambda message: self._on_frame(
-                self._frontend.on_image, message), camera)
+            self._decode = self._frontend.on_compressed_image
+            kind, topic = CompressedImage, 'image/compressed'
+        listen(node, kind, topic, self._take_image, _camera_qos(parameters, depth=1))
+
+    def _listen_to_masks(self, node: Node, parameters: Parameters) -> None:
+        self._pairing = MaskPairing(lambda: self._frontend.parameters.mask)
+        listen(node, Image, 'mask', self._take_mask, _camera_qos(parameters, depth=MASKS_KEPT))
+        node.create_timer(LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _take_image(self, message: Any) -> None:
+        if self._pairing is None:
+            self._on_frame(self._decode, message)
+            return
+        self._hand_on(self._pairing.add_image(message, time.monotonic_ns()))
+
+    def _take_mask(self, message: Image) -> None:
+        if self._pairing is not None:
+            self._hand_on(self._pairing.add_mask(message))
+
+    def _look(self) -> None:
+        if self._pairing is not None:
+            *older, newest = [None, *self._pairing.overdue(time.monotonic_ns())]
+            self._pairing.dropped += max(len(older) - 1, 0)
+            self._hand_on(newest)
+
+    def _hand_on(self, masked: Masked | None) -> None:
+        if masked is not None:
+            self._on_frame(partial(self._decode, masked=masked), masked.image)
 
     def take_waiting_odometry(self) -> None:
         """Take what the executor has not come to yet: it may hand an image out first."""
@@ -84,3 +122,10 @@ class Inputs:
     def _take_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         self._frontend.on_initial_pose(message)
         self._on_other('initialpose', message)
+
+
+def _camera_qos(parameters: Parameters, depth: int) -> QoSProfile:
+    qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+    if parameters.image_reliability == 'reliable':
+        qos.reliability = ReliabilityPolicy.RELIABLE
+    return qos

@@ -132,10 +132,14 @@ class Localization:
         elapsed_ms = 1e3 * (time.perf_counter() - started)
         self._outputs.publish(estimate, elapsed_ms)
         self._publish_transform(estimate)
-        self._outputs.publish_pictures(estimate, self._parameters.frames.base)
+        self._outputs.publish_pictures(
+            estimate, self._parameters.frames.base, self._frontend
+        )
         self._keeper.after(estimate)
         self._health.took(estimate, elapsed_ms)
         self._health.prediction = self._frontend.localizer.tracker.prediction_source
+        self._health.doubts = self._frontend.doubts
+        self._health.overtaken = self._inputs.overtaken
         self._tell_changes()
 
     def _localized(self, localize: Localize, message: Any) -> Estimate:

@@ -13,7 +13,9 @@ from std_msgs.msg import Float64
 
 from gip_localizer.core.estimate import Estimate
 from gip_localizer.core.raster_map import RasterMap
-from gip_localizer.evaluation.pictures import birdseye_picture, overlay_picture
+from gip_localizer.evaluation.overlay import camera_overlay
+from gip_localizer.evaluation.pictures import birdseye_picture, comparison_picture
+from gip_localizer.io.frontend import Frontend
 from gip_localizer.ros.conversions import (
     bgr8,
     mono8,
@@ -55,6 +57,7 @@ class Outputs:
         self._figures = {topic: advertise(node, Float64, topic, reliable) for topic in FIGURES}
         self._execution = advertise(node, Float64, '~/execution_time_ms', reliable)
         self._birdseye = advertise(node, Image, '~/birdseye', qos_profile_sensor_data)
+        self._comparison = advertise(node, Image, '~/comparison', qos_profile_sensor_data)
         self._overlay = advertise(node, Image, '~/overlay', qos_profile_sensor_data)
         self._map = advertise(node, OccupancyGrid, 'map', latched)
         self._map.publish(occupancy_grid(self._now_ns(), frame, raster_map))
@@ -72,8 +75,23 @@ class Outputs:
             if name in estimate.quality:
                 self._figures[topic].publish(Float64(data=float(estimate.quality[name])))
 
-    def publish_pictures(self, estimate: Estimate, frame: str) -> None:
-        """Publish what the match looked like, in the vehicle's frame, if someone is looking."""
+    def publish_pictures(self, estimate: Estimate, frame: str, frontend: Frontend) -> None:
+        """
+        Publish what the match looked like, if someone is looking.
+
+        Parameters
+        ----------
+        estimate : Estimate
+            Of the frame.
+        frame : str
+            The vehicle's, in which the pictures from above are.
+        frontend : Frontend
+            Holds the frame itself.
+
+        """
+        if self._overlay.get_subscription_count() and frontend.image is not None:
+            overlay = camera_overlay(frontend.image, frontend.camera, self._raster_map, estimate)
+            self._overlay.publish(bgr8(estimate.stamp_ns, frontend.camera_frame, overlay))
         match = estimate.match
         if match is None:
             return
@@ -81,9 +99,9 @@ class Outputs:
             picture = birdseye_picture(match.view)
             self._birdseye.publish(mono8(estimate.stamp_ns, frame, picture))
         pose = estimate.pose or (match.fit.pose if match.fit is not None else None)
-        if pose is not None and self._overlay.get_subscription_count():
-            picture = overlay_picture(self._raster_map, match.view, pose)
-            self._overlay.publish(bgr8(estimate.stamp_ns, frame, picture))
+        if pose is not None and self._comparison.get_subscription_count():
+            picture = comparison_picture(self._raster_map, match.view, pose)
+            self._comparison.publish(bgr8(estimate.stamp_ns, frame, picture))
 
     def _now_ns(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)

@@ -14,7 +14,7 @@ from gip_localizer.evaluation.report_figures import ESTIMATE, NEES_95, WRONG
 from gip_localizer.evaluation.suites.integrity import confidences, GROUPS
 from gip_localizer.evaluation.suites.suite import of_part, Record
 
-SIZE = (7.2, 3.4)
+SIZE, WIDE = (7.2, 3.4), (11.0, 3.2)
 
 
 def charts(records: Sequence[Record], least_confidence: float) -> dict[str, Figure]:
@@ -52,7 +52,7 @@ def error_chart(records: Sequence[Record]) -> Figure:
 
 def confidence_chart(records: Sequence[Record], least_confidence: float) -> Figure:
     """Draw how confident right and wrong matches are, by group."""
-    figure = Figure(figsize=SIZE)
+    figure = Figure(figsize=WIDE)
     panels = figure.subplots(1, len(GROUPS), sharey=True)
     bins = np.linspace(0.0, 1.0, 26)
     for axes, (group, setups) in zip(panels, GROUPS.items(), strict=True):
