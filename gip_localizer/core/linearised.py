@@ -113,6 +113,8 @@ class Problem:
         spread += np.diag(self.scale_sq**2 * self.prior)
         inverse = np.linalg.inv(slope)
         found = (inverse @ spread @ inverse)[:GEOMETRY, :GEOMETRY]
+        few = _effective((scores @ inverse)[:, :GEOMETRY], found)
+        found *= few / max(few - GEOMETRY, 1.0)
         return np.asarray(found + LEAST_SPREAD**2 * self.expected)
 
     @cached_property
@@ -156,6 +158,22 @@ class Problem:
             return 0.0
         spread = np.sqrt((w @ dv**2) * (w @ dm**2))
         return float(w @ (dv * dm) / spread) if spread > 1e-12 else 0.0
+
+
+def _effective(pulls: Floats, covariance: Floats) -> float:
+    """
+    Effective number of blocks behind a covariance: of a few, the spread is small by chance.
+
+    Parameters
+    ----------
+    pulls : (blocks, 3)
+        What each block moves the pose by.
+    covariance : (3, 3)
+        Sum of their squares.
+
+    """
+    shares = np.einsum('ij,ij->i', pulls @ np.linalg.pinv(covariance), pulls)
+    return float(shares.sum() ** 2 / max(float((shares**2).sum()), 1e-30))
 
 
 def _positive_inverse(matrix: Floats) -> Floats:
