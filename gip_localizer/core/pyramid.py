@@ -6,7 +6,8 @@ The best candidate of a lattice: by scoring all of them, or coarse to fine.
 Coarse to fine scores the whole window on joined cells, keeps the best modes, and follows them
 down to the lattice's own cells, where the exact residual decides. What comes back is a local
 minimum of the exact score. That it is the least of all is measured (`gip bench`), not proven: a
-bound from joined cells lets go of the energy inside them, which is most of the noise.
+bound from joined cells lets go of the energy inside them, which is most of the noise. Where the
+best of the joined cells does not stand out from the noise, all candidates are scored.
 
 """
 
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+import math
 
 import numpy as np
 
@@ -25,15 +27,17 @@ from gip_localizer.core.probe import Index, Probe
 from gip_localizer.core.scoring import Residuals, Scorer
 
 KEPT = (32, 16)  # modes kept of the whole window, and of each level below
-WITHIN = (0.25, 0.15, 0.2)  # over the best, as shares of its depth in the window; last: climbs
+WITHIN = (0.35, 0.15, 0.35)  # over the best, as shares of its depth in the window; last: climbs
 FEW = 200  # translations that are scored all rather than on larger cells
 LEAST_CELLS = 450  # of the view on the largest joined cells
 MOST_JOININGS = 4
-CLIMBED = 3  # starts on the lattice's own cells
+CLIMBED = 4  # starts on the lattice's own cells
 SHALLOW = 0.004  # a neighbour within this share of the least residual: a valley
 LOOSER = 0.8  # joined cells at the edge of the known map may belong to either side
 MAX_CLIMB = 20  # rounds of the last climb
 REACH = 4  # translations about a start that are prepared for its climb
+DOUBT = 60.0  # log likelihood ratio, below which joined cells have been seen to hide the best
+MOST_IN_DOUBT = 5_000_000  # candidates that are all scored in doubt
 CROWD = 4  # candidates looked at per mode kept
 
 
@@ -112,7 +116,23 @@ def pyramid_winner(
     if not known:
         return _winner(level, (0, 0, 0), np.inf)
     winner = min(known, key=lambda place: (known[place], place))
+    if _in_doubt(level, depth, known[winner]):
+        return exhaustive_winner(level, normalized=normalized, min_overlap=min_overlap)
     return _winner(level, winner, known[winner])
+
+
+def _in_doubt(level: Level, depth: float, residual: float) -> bool:
+    """
+    Tell whether noise may hide the best on joined cells, and scoring all is bearable.
+
+    With weights that are inverse variances up to a factor, the residual tells the factor, and
+    cells / 2 * depth / residual is the logarithm of the likelihood ratio of the best place of
+    joined cells and a usual one.
+
+    """
+    if math.prod(level.lattice.shape) > MOST_IN_DOUBT:
+        return False
+    return bool(0.5 * np.count_nonzero(level.weight) * depth < DOUBT * residual)
 
 
 def _climbs(
