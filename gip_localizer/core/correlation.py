@@ -33,7 +33,7 @@ PRODUCT_CANDIDATES = 200  # translations up to which matrix products beat transf
 PRODUCT_YAWS = 32  # at once, which bounds the memory
 PRODUCT_PARTS = 2  # of the map rows, summed apart; fixed, so that bytes do not depend on cores
 KEPT_BYTES = 1 << 23  # of an array, above which it is not kept between frames
-WORTH_A_THREAD = 50_000  # cells to turn, below which threads wait more than they work
+WORTH_A_THREAD = 150_000  # cells of all yaws, below which threads wait more than they work
 
 
 def correlate(
@@ -85,7 +85,8 @@ def by_transforms(
         plane[:rows, :cols] = fields[f]
         spectra[f] = transform.field(plane, rows)
 
-    in_parallel(work_field, range(len(fields)))
+    worth_it = yaws * rows * cols >= WORTH_A_THREAD
+    in_parallel(work_field, range(len(fields)), worth_it=worth_it)
     size = (1 + rows - canvas[0], 1 + cols - canvas[1])
 
     def work(share: range) -> None:
@@ -93,7 +94,7 @@ def by_transforms(
         for yaw in share:
             sink(range(yaw, yaw + 1), desk.terms(spectra, terms, partial(turn, yaw)))
 
-    in_parallel(work, shares(yaws))
+    in_parallel(work, shares(yaws), worth_it=worth_it)
 
 
 def _templates(terms: Sequence[Term]) -> int:
@@ -173,10 +174,8 @@ def by_products(
             for t in range(count):
                 turn(yaws[k], t, stacked[pad : pad + rows, k, t * cols : (t + 1) * cols])
 
-    if len(yaws) * rows * cols >= WORTH_A_THREAD:
-        in_parallel(work_turn, shares(len(yaws)))
-    else:
-        work_turn(range(len(yaws)))
+    worth_it = len(yaws) * rows * cols >= WORTH_A_THREAD
+    in_parallel(work_turn, shares(len(yaws)), worth_it=worth_it)
     parts = np.empty((PRODUCT_PARTS, len(terms), n_x, len(yaws), n_y), np.float32)
     cuts = np.linspace(0, fields.shape[1], PRODUCT_PARTS + 1).astype(int)
 
@@ -185,7 +184,7 @@ def by_products(
         for out, term in zip(parts[part], terms, strict=True):
             _row_products(stacked, fields[:, chosen], term, int(cuts[part]), cols, out)
 
-    in_parallel(work_rows, range(PRODUCT_PARTS))
+    in_parallel(work_rows, range(PRODUCT_PARTS), worth_it=worth_it)
     # block row j holds template row k - (n_x - 1) + j, which is moved by n_x - 1 - j
     sink(yaws, parts.sum(axis=0)[:, ::-1].transpose(0, 2, 1, 3))
 

@@ -23,12 +23,10 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.core.field_level import Level
 from gip_localizer.core.lattice import turn_affine, turn_into
 from gip_localizer.core.scoring import Scorer
-from gip_localizer.core.threads import in_parallel
 
 Index = tuple[int, int, int]
 """Of yaw, x and y in a lattice."""
 
-WORTH_A_THREAD = 10_000  # cells, below which threads wait more than they work
 SPARE_ROOMS = 32
 SPARE_BYTES = 1 << 19  # of each, at most
 
@@ -152,11 +150,8 @@ class Probe:
             self._sum_up(self._turn(yaw, template), template, group, sums)
 
         parts = list(product(groups, range(len(self._scorer.templates))))
-        if len(self._fields[0]) >= WORTH_A_THREAD:
-            in_parallel(work, parts)
-        else:
-            for part in parts:
-                work(part)
+        for part in parts:
+            work(part)
         turned = self._sums[[place[0] for place in new]]
         residual = self._scorer.score(self._terms(sums), turned).residual
         self.known.update(zip(new, residual.tolist(), strict=True))

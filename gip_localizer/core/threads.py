@@ -39,8 +39,16 @@ def use_one_blas_thread() -> None:
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 
-def in_parallel(work: Callable[[Part], None], parts: Iterable[Part]) -> None:
-    """Do the work on every part, in this thread and beside it; who is free takes the next one."""
+def in_parallel(
+    work: Callable[[Part], None], parts: Iterable[Part], *, worth_it: bool = True
+) -> None:
+    """
+    Do the work on every part, in this thread and beside it; who is free takes the next one.
+
+    Parts of less than a millisecond wait for Python's lock longer than they gain: where they are
+    not `worth_it`, this thread does all of them.
+
+    """
     left = deque(parts)
 
     def drain() -> None:
@@ -51,7 +59,7 @@ def in_parallel(work: Callable[[Part], None], parts: Iterable[Part]) -> None:
                 return
             work(part)
 
-    waiting = [_pool().submit(drain) for _ in range(min(WORKERS, len(left)) - 1)]
+    waiting = [_pool().submit(drain) for _ in range(min(WORKERS, len(left)) - 1) if worth_it]
     try:
         drain()
     finally:
