@@ -35,9 +35,9 @@ from gip_localizer.parameters import CameraMotion
 MAX_DRIFT = 1.0  # m from the start
 BLOCK_SIDES = (1.0, 0.5)  # m ahead, m left: residuals count as correlated within such blocks
 LEAST_BLOCKS = 10  # along each axis
-DOUBLED_BELOW = 2.0  # cells of the map; smaller cells of the view meet a map of half its cells
+DOUBLED = (0.75, 2.0)  # sides of the view's cells, in the map's, that meet a map of half its cells
 LOCKING = 0.0037  # of a map cell: what sampling between cell centres may still shift a pose
-STAGE_SHARE = 0.05  # of the squared change since the coarser stage that counts as variance
+STAGE_SHARE = 0.003  # of the squared change since the coarser stage that counts as variance
 PITCH_BASIN = 0.005  # rad: pitch from which the first stage still finds its way
 
 
@@ -101,7 +101,7 @@ class Refiner:
         for stage in self._stages:
             joined, weights = coarsened(view, weight, stage.factor)
             smoothed = raster_map.smoothed(stage.resolution)
-            if stage.resolution < DOUBLED_BELOW * raster_map.resolution:
+            if DOUBLED[0] <= stage.resolution / raster_map.resolution < DOUBLED[1]:
                 smoothed = smoothed.doubled()
             layers.append(Layer(
                 stage, joined.patch.ravel()[stage.index], weights.ravel()[stage.index], smoothed
