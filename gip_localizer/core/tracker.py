@@ -23,6 +23,8 @@ from gip_localizer.errors import GipError
 from gip_localizer.parameters import Motion
 
 GATE_SQ = 21.1  # chi-square, 3 degrees of freedom, 99.99 %
+SHARPEST, SHARPEST_RATIO = 1e-12, 1e-9  # least variance, m² and rad², and least of two axes
+VAGUEST = 1e12  # m², rad²: beyond this a prior is none
 HELD_VELOCITY_S = 2.0  # longest time a velocity between two fixes is held
 
 
@@ -58,7 +60,7 @@ def checked_prior(stamp_ns: int, pose: Pose2, covariance: Floats) -> Belief:
     Raises
     ------
     PriorError
-        NaN, or a covariance that is not symmetric positive definite.
+        NaN, or a covariance that is not symmetric positive definite or beyond all bounds.
 
     """
     covariance = np.asarray(covariance, float)
@@ -71,7 +73,14 @@ def checked_prior(stamp_ns: int, pose: Pose2, covariance: Floats) -> Belief:
             f'{", ".join(f"{value:g}" for value in np.diag(symmetric))}); '
             'expected variances of x, y and yaw above zero'
         )
-    return Belief(stamp_ns, Pose2(pose.x, pose.y, wrap_angle(pose.yaw)), symmetric)
+    if np.diag(symmetric).max() > VAGUEST:
+        raise PriorError(
+            f'prior covariance says nothing (largest variance {np.diag(symmetric).max():.3g}); '
+            'call ~/relocalize instead'
+        )
+    sharpest = max(SHARPEST, SHARPEST_RATIO * float(np.diag(symmetric)[:2].max()))
+    floor = np.diag([sharpest, sharpest, SHARPEST])
+    return Belief(stamp_ns, Pose2(pose.x, pose.y, wrap_angle(pose.yaw)), symmetric + floor)
 
 
 class Tracker:
