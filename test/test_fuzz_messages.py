@@ -37,11 +37,12 @@ MANY = settings(max_examples=int(os.environ.get('GIP_FUZZ', '60')))
 S = 1_000_000_000
 START = 1_700_000_000 * S
 STEP = S // 20
-CALIBRATION = make_calibration('plumb_bob')
-CAMERA = make_camera('plumb_bob')
+SMALL = {'size': (320, 180), 'focal': 225.0}
+CALIBRATION = make_calibration('plumb_bob', **SMALL)
+CAMERA = make_camera('plumb_bob', **SMALL)
 COVARIANCE = np.diag([0.1**2, 0.1**2, 0.01**2])
 PARAMETERS = Parameters.from_dict({
-    'birdseye.near': 3.0, 'birdseye.far': 9.0, 'birdseye.half_width': 3.0,
+    'birdseye.near': 3.0, 'birdseye.far': 8.0, 'birdseye.half_width': 2.0,
     'birdseye.resolution': 0.1, 'search.x': 0.4, 'search.y': 0.4, 'search.yaw': 0.03,
     'camera.x': HELD.x, 'camera.y': HELD.y, 'camera.z': HELD.z, 'camera.roll': HELD.roll,
     'camera.pitch': HELD.pitch, 'camera.yaw': HELD.yaw, 'recovery.automatic': False,

@@ -66,17 +66,17 @@ def checked_prior(stamp_ns: int, pose: Pose2, covariance: Floats) -> Belief:
     covariance = np.asarray(covariance, float)
     if not pose.is_finite() or covariance.shape != (3, 3) or not np.isfinite(covariance).all():
         raise PriorError('prior holds NaN or infinity; expected finite x, y, yaw and covariance')
+    if np.abs(covariance).max() > VAGUEST:
+        raise PriorError(
+            f'prior covariance says nothing (it holds {np.abs(covariance).max():.3g}); '
+            'call ~/relocalize instead'
+        )
     symmetric = 0.5 * (covariance + covariance.T)
     if np.any(np.diag(symmetric) <= 0.0) or np.linalg.eigvalsh(symmetric)[0] <= 0.0:
         raise PriorError(
             'prior covariance is not positive definite (variances '
             f'{", ".join(f"{value:g}" for value in np.diag(symmetric))}); '
             'expected variances of x, y and yaw above zero'
-        )
-    if np.diag(symmetric).max() > VAGUEST:
-        raise PriorError(
-            f'prior covariance says nothing (largest variance {np.diag(symmetric).max():.3g}); '
-            'call ~/relocalize instead'
         )
     sharpest = max(SHARPEST, SHARPEST_RATIO * float(np.diag(symmetric)[:2].max()))
     floor = np.diag([sharpest, sharpest, SHARPEST])
