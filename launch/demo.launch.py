@@ -17,6 +17,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, SetEnvironmentVariable
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 SHARE = Path(get_package_share_directory('gip_localizer'))
 
@@ -34,7 +35,8 @@ def generate_launch_description():
         name='synthetic_camera',
         output='screen',
         parameters=[{
-            'world.name': LaunchConfiguration('world'), 'rate': LaunchConfiguration('rate'),
+            'world.name': ParameterValue(LaunchConfiguration('world'), value_type=str),
+            'rate': ParameterValue(LaunchConfiguration('rate'), value_type=float),
             'publish.wait': True,
         }],
     )  # fmt: skip
@@ -43,6 +45,8 @@ def generate_launch_description():
         executable='localizer',
         name='localizer',
         output='screen',
-        parameters=[{'map_file': LaunchConfiguration('map_file')}],
+        parameters=[{
+            'map_file': ParameterValue(LaunchConfiguration('map_file'), value_type=str),
+        }],
     )
     return LaunchDescription([map_file, world, rate, large_images, camera, localizer])

@@ -46,6 +46,7 @@ def generate_launch_description():
         name: ParameterValue(LaunchConfiguration(name), value_type=bool)
         for name in ('use_sim_time', 'lifecycle')
     }
+    map_file = ParameterValue(LaunchConfiguration('map_file'), value_type=str)
     localizer = Node(
         package='gip_localizer',
         executable='localizer',
@@ -54,7 +55,7 @@ def generate_launch_description():
         output='screen',
         parameters=[
             LaunchConfiguration('params_file'),
-            {'map_file': LaunchConfiguration('map_file'), **switches},
+            {'map_file': map_file, **switches},
         ],
         remappings=[(topic, LaunchConfiguration(topic)) for topic in TOPICS],
     )

@@ -37,11 +37,14 @@ MANY = settings(max_examples=int(os.environ.get('GIP_FUZZ', '60')))
 S = 1_000_000_000
 START = 1_700_000_000 * S
 STEP = S // 20
-CALIBRATION = make_calibration('plumb_bob')
-CAMERA = make_camera('plumb_bob')
+PLAUSIBLE = 4.0
+"""Pixels by which a calibration may move the road and still be taken for the true one."""
+SMALL = {'size': (320, 180), 'focal': 225.0}
+CALIBRATION = make_calibration('plumb_bob', **SMALL)
+CAMERA = make_camera('plumb_bob', **SMALL)
 COVARIANCE = np.diag([0.1**2, 0.1**2, 0.01**2])
 PARAMETERS = Parameters.from_dict({
-    'birdseye.near': 3.0, 'birdseye.far': 9.0, 'birdseye.half_width': 3.0,
+    'birdseye.near': 3.0, 'birdseye.far': 8.0, 'birdseye.half_width': 2.0,
     'birdseye.resolution': 0.1, 'search.x': 0.4, 'search.y': 0.4, 'search.yaw': 0.03,
     'camera.x': HELD.x, 'camera.y': HELD.y, 'camera.z': HELD.z, 'camera.roll': HELD.roll,
     'camera.pitch': HELD.pitch, 'camera.yaw': HELD.yaw, 'recovery.automatic': False,
@@ -79,27 +82,42 @@ class Vehicle:
     def odometry(self, later=0):
         return odometry_message(START + later, Pose2(1.0, 2.0, 0.3))
 
-    def see(self, message, masked=None):
-        """Localize, and judge: a published pose is whole, honest of its uncertainty and right."""
+    def see(self, message, masked=None, *, same_camera=True):
+        """
+        Localize, and judge: a published pose is whole, honest of its uncertainty and right.
+
+        Under the calibration of another camera, which nothing tells from a true one, it is
+        where that camera would see the road so, and need only be whole.
+
+        """
         with no_hang():
             estimate = self._take(message, masked)
         if estimate.pose is None:
             assert estimate.reason
             return estimate
-        self._judge(estimate)
+        self._judge(estimate, same_camera)
         return estimate
+
+    def same_camera(self):
+        """Whether the calibration in force shows the road where the true one does."""
+        if self.frontend.camera is None:
+            return True
+        road = np.array([[x, y] for x in (3.0, 5.0, 8.0) for y in (-2.0, 0.0, 2.0)])
+        pixels, seen = self.frontend.camera.project(road)
+        apart = np.abs(pixels - CAMERA.project(road)[0])
+        return bool(np.all(seen & (apart.max(axis=1) < PLAUSIBLE)))
 
     def _take(self, message, masked):
         compressed = hasattr(message, 'format')
         take = self.frontend.on_compressed_image if compressed else self.frontend.on_image
         return take(message, masked)
 
-    def _judge(self, estimate):
+    def _judge(self, estimate, same_camera):
         assert all(math.isfinite(value) for value in estimate.pose)
         assert np.linalg.eigvalsh(estimate.covariance).min() > 0.0
         apart = difference(estimate.pose, self.truth)
-        assert math.hypot(apart[0], apart[1]) < 0.5
-        assert abs(apart[2]) < math.radians(2.0)
+        assert math.hypot(apart[0], apart[1]) < 0.5 or not same_camera
+        assert abs(apart[2]) < math.radians(2.0) or not same_camera
 
 
 @pytest.fixture(scope='module')
@@ -166,7 +184,7 @@ def test_mutated_camera_infos(vehicle, data):
     message = data.draw(mutated(camera_info(CALIBRATION)))
     with no_hang():
         vehicle.frontend.on_camera_info(message)
-    vehicle.see(vehicle.image())
+    vehicle.see(vehicle.image(), same_camera=vehicle.same_camera())
 
 
 @MANY

@@ -140,3 +140,14 @@ def test_an_initial_pose_carries_its_covariance():
     covariance = np.diag([0.25, 0.5, 0.01])
     message = initial_pose(Pose2(1.0, 2.0, 3.0), covariance)
     np.testing.assert_array_equal(planar_covariance(message.pose.covariance), covariance)
+
+
+@pytest.mark.parametrize(('changes', 'word'), [
+    ({'k': [225.0, 0.0, 142.0, 238.0, 225.0, 89.5, 0.0, 0.0, 1.0]}, 'zeros below the diagonal'),
+    ({'k': [225.0, 0.0, 142.0, 0.0, 225.0, 89.5, 0.0, 0.0, 2.0]}, '1 at its end'),
+    ({'d': [1e308, 0.0, 0.0, 0.0, 0.0]}, '1e.308, beyond any camera'),
+])
+def test_matrices_that_no_camera_has_are_refused(changes, word):
+    numbers = {name: np.array(values) for name, values in changes.items()}
+    with pytest.raises(CalibrationError, match=word):
+        calibration(camera_info(make_calibration('plumb_bob'), **numbers))

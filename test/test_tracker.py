@@ -162,3 +162,22 @@ def test_a_good_prior_is_wrapped_and_made_symmetric():
     assert belief.pose.yaw == pytest.approx(7.0 - 2 * math.pi)
     assert belief.covariance[0, 1] == belief.covariance[1, 0] == pytest.approx(0.1)
     assert belief.stamp_ns == 5
+
+
+@pytest.mark.parametrize('variances', [
+    (1e-300, 0.01, 1e-4), (0.01, 1e-300, 1e-300), (1e-300, 1e11, 1e-4), (1e11, 1e11, 1e11),
+])
+@pytest.mark.parametrize('yaw', [0.0, 0.7])
+def test_priors_sharp_or_vague_beyond_reason_can_still_be_reckoned_with(variances, yaw):
+    belief = checked_prior(0, Pose2(1.0, 2.0, yaw), np.diag(variances))
+    turn = np.eye(3)
+    turn[:2, :2] = belief.pose.rotation()
+    turned = turn @ belief.covariance @ turn.T
+    assert np.isfinite(np.linalg.inv(turned)).all()
+    assert np.linalg.eigvalsh(turned)[0] > 0.0
+    assert np.all(np.diag(belief.covariance) >= variances)
+
+
+def test_a_prior_that_says_nothing_is_refused():
+    with pytest.raises(PriorError, match='says nothing'):
+        checked_prior(0, Pose2(1.0, 2.0, 0.0), np.full((3, 3), 1e308))

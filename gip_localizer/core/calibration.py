@@ -13,6 +13,7 @@ from gip_localizer.errors import CalibrationError
 
 PINHOLE_MODELS = {'plumb_bob': (4, 5), 'rational_polynomial': (8, 12, 14)}
 FISHEYE_MODELS = ('equidistant', 'fisheye')
+LARGEST = 1e7  # of all numbers of a CameraInfo
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +62,11 @@ class Calibration:
         for name, values in (('K', self.K), ('D', self.D), ('P', self.P), ('R', self.R)):
             if not np.all(np.isfinite(values)):
                 raise CalibrationError(f'CameraInfo {name} holds NaN or infinity; recalibrate')
+            if values.size and np.abs(values).max() > LARGEST:
+                raise CalibrationError(
+                    f'CameraInfo {name} holds {np.abs(values).max():.3g}, beyond any camera; '
+                    'recalibrate'
+                )
         if self.width < 1 or self.height < 1:
             raise CalibrationError(
                 f'CameraInfo size is {self.width}x{self.height}; expected the calibrated size'
@@ -111,4 +117,10 @@ def check_matrix(name: str, matrix: Floats) -> None:
         raise CalibrationError(
             f'CameraInfo {name} has focal lengths {matrix[0, 0]:g} and {matrix[1, 1]:g}: '
             'the camera is not calibrated; publish a calibrated CameraInfo'
+        )
+    below = matrix[[1, 2, 2], [0, 0, 1]]
+    if np.any(below != 0.0) or matrix[2, 2] != 1.0:
+        raise CalibrationError(
+            f'CameraInfo {name} is no camera matrix: its rows are {matrix.tolist()}; '
+            'expected zeros below the diagonal and 1 at its end'
         )

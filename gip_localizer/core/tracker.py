@@ -23,6 +23,8 @@ from gip_localizer.errors import GipError
 from gip_localizer.parameters import Motion
 
 GATE_SQ = 21.1  # chi-square, 3 degrees of freedom, 99.99 %
+SHARPEST, SHARPEST_RATIO = 1e-12, 1e-9  # least variance, m² and rad², and least of two axes
+VAGUEST = 1e12  # m², rad²: beyond this a prior is none
 HELD_VELOCITY_S = 2.0  # longest time a velocity between two fixes is held
 
 
@@ -58,12 +60,17 @@ def checked_prior(stamp_ns: int, pose: Pose2, covariance: Floats) -> Belief:
     Raises
     ------
     PriorError
-        NaN, or a covariance that is not symmetric positive definite.
+        NaN, or a covariance that is not symmetric positive definite or beyond all bounds.
 
     """
     covariance = np.asarray(covariance, float)
     if not pose.is_finite() or covariance.shape != (3, 3) or not np.isfinite(covariance).all():
         raise PriorError('prior holds NaN or infinity; expected finite x, y, yaw and covariance')
+    if np.abs(covariance).max() > VAGUEST:
+        raise PriorError(
+            f'prior covariance says nothing (it holds {np.abs(covariance).max():.3g}); '
+            'call ~/relocalize instead'
+        )
     symmetric = 0.5 * (covariance + covariance.T)
     if np.any(np.diag(symmetric) <= 0.0) or np.linalg.eigvalsh(symmetric)[0] <= 0.0:
         raise PriorError(
@@ -71,7 +78,9 @@ def checked_prior(stamp_ns: int, pose: Pose2, covariance: Floats) -> Belief:
             f'{", ".join(f"{value:g}" for value in np.diag(symmetric))}); '
             'expected variances of x, y and yaw above zero'
         )
-    return Belief(stamp_ns, Pose2(pose.x, pose.y, wrap_angle(pose.yaw)), symmetric)
+    sharpest = max(SHARPEST, SHARPEST_RATIO * float(np.diag(symmetric)[:2].max()))
+    floor = np.diag([sharpest, sharpest, SHARPEST])
+    return Belief(stamp_ns, Pose2(pose.x, pose.y, wrap_angle(pose.yaw)), symmetric + floor)
 
 
 class Tracker:

@@ -42,7 +42,7 @@ class Report:
     @property
     def rule(self) -> Rule | None:
         """The first that holds."""
-        return self.rules[0] if self.rules else None
+        return next(iter(self.rules), None)
 
     @property
     def level(self) -> Level:
@@ -67,10 +67,8 @@ class Health:
         False: frames are ignored on request.
     steady : callable
         Seconds that never go back.
-    lasting : dict
-        Rules that hold until taken out, and their details.
-    doubts : dict
-        Rules that hold of the last frame, and their details.
+    lasting, doubts : dict
+        Rules that hold until taken out, and of the last frame, and their details.
     overtaken : int
         Images that a newer one with its mask overtook.
 
@@ -123,8 +121,8 @@ class Health:
         """Note the outcome of a frame, and how long it took."""
         self.estimate = estimate
         self._times_ms.append(milliseconds)
+        self.published += estimate.published
         if estimate.published:
-            self.published += 1
             self._at['pose'] = self.steady()
 
     def hear(self, complaints: Mapping[str, str], counts: Mapping[str, int]) -> None:
@@ -171,8 +169,7 @@ class Health:
         return active | self._withheld(active)
 
     def _silences(self) -> dict[str, str]:
-        limits, found = self.limits, {}
-        ages = self._ages()
+        limits, ages, found = self.limits, self._ages(), {}
         image_age, odom_age = ages.get('image'), ages.get('odom')
         if image_age is None:
             found['NO_IMAGE_YET'] = 'is the camera on, is the topic remapped?'
@@ -210,9 +207,8 @@ class Health:
     def _well(self, concern: str) -> str:
         if concern == 'output' and self.estimate is not None:
             return f'{self.estimate.status}: {self.estimate.reason}'
-        if concern == 'odometry' and 'odom' not in self._at:
-            return 'none has come; the last velocity is held'
-        return ''
+        none_came = concern == 'odometry' and 'odom' not in self._at
+        return 'none has come; the last velocity is held' if none_came else ''
 
     def _ages(self) -> dict[str, float]:
         return {what: self.steady() - at for what, at in self._at.items()}
@@ -227,17 +223,16 @@ class Health:
 
     def _figures(self) -> dict[str, str]:
         """Return every figure that is known, by key."""
-        figures = dict(self.fixed)
-        figures |= {'frames': str(self.frames), 'published': str(self.published)}
+        figures = {**self.fixed, 'frames': str(self.frames), 'published': str(self.published)}
         if self.frames:
             figures['availability'] = f'{self.published / self.frames:.4f}'
             figures['image_delay'] = f'{self._delay:.4f}'
         figures |= {AGES[what]: f'{age:.3f}' for what, age in self._ages().items()}
         if (period := self._period_ms()) > 0.0:
             figures['image_rate'] = f'{1e3 / period:.3g}'
-        for topic, (came, refused) in COUNTED.items():
-            figures[came] = str(self._counts.get(topic, 0))
-            figures[refused] = str(self._counts.get(f'{topic}_refused', 0))
+        for topic, names in COUNTED.items():
+            for name, key in zip(names, (topic, f'{topic}_refused'), strict=True):
+                figures[name] = str(self._counts.get(key, 0))
         figures |= {'prediction': self.prediction, 'images_overtaken': str(self.overtaken)}
         return figures | self._match_figures()
 

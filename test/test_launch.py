@@ -1,0 +1,106 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The launch files name what exists.
+
+They are read as text, since `launch` comes with a ROS installation only; where there is one they
+are evaluated too.
+
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+from test_config import readme_names
+
+from gip_localizer.parameters import Parameters
+from gip_localizer.synthetic.publishing import CameraNodeParameters
+
+ROOT = Path(__file__).parents[1]
+FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
+KINDS = {'localizer': Parameters, 'synthetic_camera': CameraNodeParameters}
+OF_EVERY_NODE = {'use_sim_time'}
+
+
+def tree(path):
+    return ast.parse(path.read_text())
+
+
+def calls(path, name):
+    """Keyword arguments, and the positional ones, of each call of a function."""
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == name:
+            yield {keyword.arg: keyword.value for keyword in node.keywords}, node.args
+
+
+def nodes(path):
+    """What each `Node` of this package is given."""
+    for given, _ in calls(path, 'Node'):
+        if ast.literal_eval(given['package']) == 'gip_localizer':
+            yield ast.literal_eval(given['executable']), given
+
+
+def literal(path, name):
+    """The value of a constant of the file."""
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], 'id', '') == name:
+            return node.value
+    return None
+
+
+@pytest.mark.parametrize('path', FILES, ids=lambda path: path.name)
+def test_nodes_and_parameters_exist(path):
+    found = list(nodes(path))
+    assert found
+    for executable, given in found:
+        assert (ROOT / 'resource' / 'executables' / executable).is_file()
+        known = {spec.name for spec in KINDS[executable].specs()} | OF_EVERY_NODE
+        for part in ast.walk(given['parameters']):
+            if isinstance(part, ast.Dict):
+                names = {ast.literal_eval(key) for key in part.keys if key is not None}
+                assert names <= known
+
+
+@pytest.mark.parametrize('path', FILES, ids=lambda path: path.name)
+def test_files_exist_and_only_the_map_is_required(path):
+    named = {node.value for node in ast.walk(tree(path)) if isinstance(node, ast.Constant)
+             and isinstance(node.value, str)}
+    for name in named:
+        if name.endswith(('.xml', '.rviz')) or name == 'localizer.yaml':
+            assert (ROOT / 'config' / name).is_file(), name
+    required = [ast.literal_eval(args[0]) for given, args in calls(path, 'DeclareLaunchArgument')
+                if 'default_value' not in given]
+    assert required == ['map_file']
+
+
+def test_every_topic_can_be_remapped():
+    topics = set(ast.literal_eval(literal(ROOT / 'launch' / 'localizer.launch.py', 'TOPICS')))
+    relative = {name for way in ('in', 'out') for name in readme_names(way)
+                if not name.startswith(('~', '/'))}
+    assert topics == relative
+
+
+def test_the_package_depends_on_what_the_files_import():
+    manifest = ElementTree.parse(ROOT / 'package.xml').getroot()
+    depends = {item.text for item in manifest if item.tag in ('depend', 'exec_depend')}
+    imported = {node.module.split('.')[0] for path in FILES for node in ast.walk(tree(path))
+                if isinstance(node, ast.ImportFrom)} - {'pathlib'}
+    provided = {'launch': 'ros2launch'}  # which depends on it
+    assert {provided.get(name, name) for name in imported} <= depends
+
+
+@pytest.mark.parametrize('path', FILES, ids=lambda path: path.name)
+def test_launch_itself_takes_them_where_it_is_installed(path):
+    pytest.importorskip('launch_ros')
+    sources = pytest.importorskip('launch.launch_description_sources')
+    packages = pytest.importorskip('ament_index_python.packages')
+    try:
+        packages.get_package_share_directory('gip_localizer')
+    except packages.PackageNotFoundError:
+        pytest.skip('the package is not installed where ament looks')
+    description = sources.get_launch_description_from_python_launch_file(str(path))
+    assert 'map_file' in [argument.name for argument in description.get_launch_arguments()]
