@@ -38,11 +38,11 @@ def by_definition(fields, templates):
 def collected(kernel, yaws, fields, templates):
     out = np.full((YAWS, len(TERMS), 2 * HALF[0] + 1, 2 * HALF[1] + 1), np.nan)
 
-    def turn(yaw, room):
-        room[:] = templates[yaw]
+    def turn(yaw, template, room):
+        room[:] = templates[yaw, template]
 
-    def sink(yaw, terms):
-        out[yaw] = terms
+    def sink(yaws, terms):
+        out[yaws.start : yaws.stop] = terms.transpose(1, 0, 2, 3)
 
     kernel(fields, TERMS, yaws, canvas=CANVAS, turn=turn, sink=sink)
     return out
@@ -83,11 +83,25 @@ def test_planes_come_back_and_are_large_enough(transform, size):
     t = transform(*size)
     assert t.shape[0] >= size[0]
     assert t.shape[1] >= size[1]
-    plane = np.zeros(t.shape, np.float32)
+    # a template of a single cell picks the field out again
+    plane, dot = np.zeros(t.shape, np.float32), np.zeros(t.shape, np.float32)
     plane[: size[0], : size[1]] = np.random.default_rng(1).random(size)
-    spectrum = t.forward(plane, size[0], t.empty())
-    back = t.inverse(spectrum, size, np.empty(t.shape, np.float32))
+    dot[0, 0] = 1.0
+    spectrum, product = t.empty(), t.empty()
+    t.forward(dot, size[0], spectrum)
+    t.correlated(t.field(plane, size[0]), spectrum, product)
+    back = np.empty(size, np.float32)
+    t.inverse(product, back, spectrum)
     np.testing.assert_allclose(back, plane[: size[0], : size[1]], atol=1e-6)
+
+
+@pytest.mark.parametrize('least', [1, 97, 378, 392, 410, 425, 2005])
+@pytest.mark.parametrize('multiple', [4, 8])
+def test_quick_sizes_suffice_and_are_not_wasteful(least, multiple):
+    size = spectra._quick_size(least, multiple)
+    assert size >= least
+    assert size % multiple == 0
+    assert size <= 1.15 * least + 2 * multiple
 
 
 def test_the_transform_follows_the_build_of_opencv_alone(monkeypatch):

@@ -11,7 +11,8 @@ of a term are added up as spectra, so that each term costs one inverse.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 import threading
 
 import numpy as np
@@ -23,15 +24,16 @@ from gip_localizer.core.threads import in_parallel, shares
 
 Term = tuple[tuple[int, int], ...]
 """Pairs of template and field (indices), whose correlations are added."""
-Turn = Callable[[int, Floats], None]
-"""Writes the templates (n, rows, cols) of a yaw (index)."""
-Sink = Callable[[int, Floats], None]
-"""Takes a yaw (index) and its terms (n_terms, n_x, n_y), valid during the call only."""
+Turn = Callable[[int, int, Floats], None]
+"""Writes a template (rows, cols) of a yaw: index of the yaw, of the template, where to."""
+Sink = Callable[[range, Floats], None]
+"""Takes yaws (indices) and their terms (n_terms, yaws, n_x, n_y), valid during the call only."""
 
 PRODUCT_CANDIDATES = 200  # translations up to which matrix products beat transforms
 PRODUCT_YAWS = 32  # at once, which bounds the memory
+PRODUCT_PARTS = 2  # of the map rows, summed apart; fixed, so that bytes do not depend on cores
 KEPT_BYTES = 1 << 23  # of an array, above which it is not kept between frames
-WORTH_A_THREAD = 150_000  # cells to turn, below which threads wait more than they work
+WORTH_A_THREAD = 150_000  # cells of all yaws, below which threads wait more than they work
 
 
 def correlate(
@@ -56,12 +58,17 @@ def correlate(
 
     """
     n_x, n_y = (1 + fields.shape[k + 1] - canvas[k] for k in (0, 1))
-    if n_x * n_y <= PRODUCT_CANDIDATES:
+    if not takes_transforms(n_x, n_y):
         for start in range(0, yaws, PRODUCT_YAWS):
             batch = range(start, min(start + PRODUCT_YAWS, yaws))
             by_products(fields, terms, batch, canvas=canvas, turn=turn, sink=sink)
     else:
         by_transforms(fields, terms, yaws, canvas=canvas, turn=turn, sink=sink)
+
+
+def takes_transforms(n_x: int, n_y: int) -> bool:
+    """Whether so many translations are done by transforms."""
+    return n_x * n_y > PRODUCT_CANDIDATES
 
 
 def by_transforms(
@@ -71,49 +78,59 @@ def by_transforms(
     """Correlate as `correlate` does, with transforms, yaw by yaw."""
     rows, cols = fields.shape[1:]
     transform = make_transform(rows, cols)
-    plane = np.zeros(transform.shape, np.float32)
-    spectra = []
-    for field in fields:
-        plane[:rows, :cols] = field
-        spectra.append(transform.forward(plane, rows, transform.empty()))
-    count = 1 + max(t for term in terms for t, _ in term)
+    spectra: list[Spectrum] = [None] * len(fields)
+
+    def work_field(f: int) -> None:
+        plane = np.zeros(transform.shape, np.float32)
+        plane[:rows, :cols] = fields[f]
+        spectra[f] = transform.field(plane, rows)
+
+    worth_it = yaws * rows * cols >= WORTH_A_THREAD
+    in_parallel(work_field, range(len(fields)), worth_it=worth_it)
     size = (1 + rows - canvas[0], 1 + cols - canvas[1])
 
     def work(share: range) -> None:
-        desk = _desk(transform, count, len(terms), size, canvas)
+        desk = _desk(transform, _templates(terms), len(terms), size, canvas)
         for yaw in share:
-            turn(yaw, desk.planes[:, : canvas[0], : canvas[1]])
-            sink(yaw, desk.terms(spectra, terms, canvas[0]))
+            sink(range(yaw, yaw + 1), desk.terms(spectra, terms, partial(turn, yaw)))
 
-    in_parallel(work, shares(yaws))
+    in_parallel(work, shares(yaws), worth_it=worth_it)
+
+
+def _templates(terms: Sequence[Term]) -> int:
+    return 1 + max(t for term in terms for t, _ in term)
 
 
 class _Desk:
     """The arrays that one thread works in."""
 
     def __init__(
-        self, transform: Transform, templates: int, terms: int, size: tuple[int, int]
+        self, transform: Transform, templates: int, terms: int, size: tuple[int, int],
+        canvas: tuple[int, int],
     ) -> None:
         self._transform = transform
         self._size = size
-        self.planes = np.zeros((templates, *transform.shape), np.float32)
+        self.plane = np.zeros(transform.shape, np.float32)
+        self._canvas = self.plane[: canvas[0], : canvas[1]]
         self._spectra = [transform.empty() for _ in range(templates)]
         self._product, self._sum = transform.empty(), transform.empty()
-        self._back = np.empty(transform.shape, np.float32)
-        self._out = np.empty((terms, *size), np.float32)
+        self._out = np.empty((terms, 1, *size), np.float32)
 
-    def terms(self, fields: list[Spectrum], terms: Sequence[Term], rows: int) -> Floats:
+    def terms(
+        self, fields: list[Spectrum], terms: Sequence[Term], turn: Callable[[int, Floats], None]
+    ) -> Floats:
+        """Return the terms (n_terms, 1, n_x, n_y) of one yaw."""
         t = self._transform
-        turned = [t.forward(p, rows, s) for p, s in zip(self.planes, self._spectra, strict=True)]
+        for k, spectrum in enumerate(self._spectra):
+            turn(k, self._canvas)
+            t.forward(self.plane, len(self._canvas), spectrum)
         for k, term in enumerate(terms):
-            total: Spectrum | None = None
-            for template, field in term:
-                if total is None:
-                    total = t.correlated(fields[field], turned[template], self._sum)
-                else:
-                    total += t.correlated(fields[field], turned[template], self._product)
-            assert total is not None
-            self._out[k] = t.inverse(total, self._size, self._back)
+            for n, (template, field) in enumerate(term):
+                out = self._product if n else self._sum
+                t.correlated(fields[field], self._spectra[template], out)
+                if n:
+                    t.add(self._sum, out)
+            t.inverse(self._sum, self._out[k, 0], self._product)
         return self._out
 
 
@@ -128,8 +145,8 @@ def _desk(transform: Transform, templates: int, terms: int, size: tuple[int, int
         desk: _Desk = _kept.desk
         return desk
     _kept.key = _kept.desk = None
-    desk = _Desk(transform, templates, terms, size)
-    if desk.planes.nbytes <= KEPT_BYTES:
+    desk = _Desk(transform, templates, terms, size, canvas)
+    if desk.plane.nbytes <= KEPT_BYTES:
         _kept.key, _kept.desk = key, desk
     return desk
 
@@ -147,25 +164,29 @@ def by_products(
     """
     rows, cols = canvas
     n_x, n_y = 1 + fields.shape[1] - rows, 1 + fields.shape[2] - cols
-    count = 1 + max(t for term in terms for t, _ in term)
-    turned = _room('turned', (len(yaws), count, rows, cols))
+    pad, count = n_x - 1, _templates(terms)
+    # template rows, above and below them zeros; a row holds all yaws, a yaw all its templates
+    stacked = _room('stacked', (rows + 2 * pad, len(yaws), count * cols))
+    stacked[:pad] = stacked[pad + rows :] = 0.0
 
     def work_turn(share: range) -> None:
         for k in share:
-            turn(yaws[k], turned[k])
+            for t in range(count):
+                turn(yaws[k], t, stacked[pad : pad + rows, k, t * cols : (t + 1) * cols])
 
-    if len(yaws) * rows * cols >= WORTH_A_THREAD:
-        in_parallel(work_turn, shares(len(yaws)))
-    else:
-        work_turn(range(len(yaws)))
-    out = np.empty((len(terms), len(yaws), n_x, n_y), np.float32)
+    worth_it = len(yaws) * rows * cols >= WORTH_A_THREAD
+    in_parallel(work_turn, shares(len(yaws)), worth_it=worth_it)
+    parts = np.empty((PRODUCT_PARTS, len(terms), n_x, len(yaws), n_y), np.float32)
+    cuts = np.linspace(0, fields.shape[1], PRODUCT_PARTS + 1).astype(int)
 
-    def work_term(term: int) -> None:
-        out[term] = _row_products(turned, fields, terms[term])
+    def work_rows(part: int) -> None:
+        chosen = slice(cuts[part], cuts[part + 1])
+        for out, term in zip(parts[part], terms, strict=True):
+            _row_products(stacked, fields[:, chosen], term, int(cuts[part]), cols, out)
 
-    in_parallel(work_term, range(len(terms)))
-    for k, yaw in enumerate(yaws):
-        sink(yaw, out[:, k])
+    in_parallel(work_rows, range(PRODUCT_PARTS), worth_it=worth_it)
+    # block row j holds template row k - (n_x - 1) + j, which is moved by n_x - 1 - j
+    sink(yaws, parts.sum(axis=0)[:, ::-1].transpose(0, 2, 1, 3))
 
 
 def _room(name: str, shape: tuple[int, ...]) -> Floats:
@@ -180,21 +201,32 @@ def _room(name: str, shape: tuple[int, ...]) -> Floats:
     return room
 
 
-def _row_products(turned: Floats, fields: Floats, term: Term) -> Floats:
-    """One term (yaws, n_x, n_y); the pairs lie side by side in the rows of the matrices."""
-    yaws, _, rows, cols = turned.shape
-    high, wide = fields.shape[1], len(term) * cols
-    n_x, n_y = 1 + high - rows, 1 + fields.shape[2] - cols
-    pad = n_x - 1
-    stacked = _room('stacked', (rows + 2 * pad, yaws, wide))
-    stacked[:pad] = stacked[pad + rows :] = 0.0
-    shifted = _room('shifted', (high, wide, n_y))
-    for p, (template, field) in enumerate(term):
-        part = slice(p * cols, (p + 1) * cols)
-        stacked[pad : pad + rows, :, part] = turned[:, template].transpose(1, 0, 2)
-        shifted[:, part] = sliding_window_view(fields[field], n_y, axis=1)
+def _row_products(
+    stacked: Floats, fields: Floats, term: Term, top: int, cols: int, out: Floats
+) -> None:
+    """Write what some map rows, the first is `top`, add to a term: (n_x, yaws, n_y)."""
+    n_x, yaws, n_y = out.shape
+    high = fields.shape[1]
     step = stacked.strides
-    meeting = as_strided(stacked, (high, n_x * yaws, wide), (step[0], step[1], step[2]))
-    sums = np.matmul(meeting, shifted, out=_room('sums', (high, n_x * yaws, n_y))).sum(axis=0)
-    # block row j holds template row k - (n_x - 1) + j, which is moved by n_x - 1 - j
-    return np.asarray(sums.reshape(n_x, yaws, n_y)[::-1].transpose(1, 0, 2))
+    out[...] = 0.0
+    for run in _runs(term):
+        first, wide = run[0][0], len(run) * cols
+        shifted = _room('shifted', (high, wide, n_y))
+        for p, (_, field) in enumerate(run):
+            view = sliding_window_view(fields[field], n_y, axis=1)
+            shifted[:, p * cols : (p + 1) * cols] = view
+        meeting = as_strided(
+            stacked[top:, :, first * cols :], (high, n_x * yaws, wide), (step[0], step[1], step[2])
+        )
+        sums = np.matmul(meeting, shifted, out=_room('sums', (high, n_x * yaws, n_y)))
+        out += sums.sum(axis=0).reshape(out.shape)
+
+
+def _runs(term: Term) -> Iterator[Term]:
+    """Divide a term into runs of neighbouring templates, which lie side by side in a row."""
+    pairs = sorted(term)
+    start = 0
+    for k in range(1, len(pairs) + 1):
+        if k == len(pairs) or pairs[k][0] != pairs[k - 1][0] + 1:
+            yield tuple(pairs[start:k])
+            start = k

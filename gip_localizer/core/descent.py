@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gip_localizer.core.arrays import Floats, Ints
+from gip_localizer.core.edge_noise import edge_share
 from gip_localizer.core.linearised import Problem
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
@@ -115,6 +116,7 @@ class Descent:
         self._agreeing: Floats | None = None
         self._columns: tuple[Floats, Floats] | None = None
         self._seen: tuple[Floats, Floats] | None = None
+        self._edges: Floats | None = None
         self._shade = None
         if state.shading.any():
             shade = self._stage.optical @ state.shading.astype(np.float32)
@@ -175,6 +177,8 @@ class Descent:
         predicted, known = self._seen or self._look()
         used = self._agreed(predicted, known)
         gain, offset, residual = self._residual(predicted, used, state.exposure)
+        if unknowns.robust:
+            used = self._without_edges(used, residual, gain)
         scale_sq = mean_normalised_square(residual, used)
         trusted = curvature = used
         for _ in range(rounds):
@@ -193,6 +197,18 @@ class Descent:
             *self._columns, unknowns.scales(gain), residual, trusted, curvature, known, predicted,
             gain, offset, scale_sq, unknowns.prior, offsets,
         )
+
+    def _without_edges(self, weights: Floats, residual: Floats, gain: float) -> Floats:
+        """Weights less what the edges err by; found once."""
+        steps = self._stage.pixel_steps
+        if steps is None:
+            return weights
+        if self._edges is None:
+            assert self._columns is not None
+            slopes = self._columns[0]
+            changes = steps.changes(slopes[:, 0], slopes[:, 1]) * np.float32(gain**2)
+            self._edges = changes * np.float32(edge_share(residual, weights, changes))
+        return weights / (np.float32(1.0) + weights * self._edges)
 
     def _look(self) -> tuple[Floats, Floats]:
         """Map behind the pixel blur, and weights of known cells, (n,); slopes if they are old."""

@@ -13,11 +13,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import View
-from gip_localizer.core.correlation import correlate
+from gip_localizer.core.correlation import correlate, takes_transforms
 from gip_localizer.core.footprints import Grid
 from gip_localizer.core.lattice import (
     Lattice,
@@ -32,11 +33,13 @@ from gip_localizer.core.lattice import (
 from gip_localizer.core.levels import locally_centred
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.scoring import Residuals, Scorer
+from gip_localizer.core.spectra import cost
+from gip_localizer.core.support import make_parts, Part
 
 __all__ = ['Lattice', 'Scores', 'make_lattice', 'match', 'rotated']
 
-Keep = Callable[[int, Residuals], None]
-"""Takes the index of a yaw and its residuals (x, y), valid during the call only."""
+Keep = Callable[[slice, Residuals], None]
+"""Takes yaws (indices) and their residuals (yaws, x, y), valid during the call only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,10 +111,10 @@ def match(
     scorer = Scorer(values, weight, window, known, normalized=normalized, min_overlap=min_overlap)
     planes = [np.empty(lattice.shape, np.float32) for _ in range(3)]
 
-    def keep(yaw: int, found: Residuals) -> None:
+    def keep(yaws: slice, found: Residuals) -> None:
         assert found.correlation is not None
-        planes[0][yaw], planes[1][yaw] = found.residual, found.correlation
-        planes[2][yaw] = found.overlap
+        planes[0][yaws], planes[1][yaws] = found.residual, found.correlation
+        planes[2][yaws] = found.overlap
 
     score_yaws(scorer, view.grid, canvas, lattice, keep)
     return Scores(lattice, *planes)
@@ -120,16 +123,38 @@ def match(
 def score_yaws(
     scorer: Scorer, grid: Grid, canvas: Grid, lattice: Lattice, keep: Keep
 ) -> None:
-    """Give the residuals (x, y) of every yaw to `keep`, from several threads, in any order."""
-    sums: dict[int, tuple[float, float]] = {}
+    """Give the residuals (yaws, x, y) of all yaws to `keep`, in any order, from threads."""
+    affines = [turn_affine(grid, canvas, float(yaw), lattice.pivot) for yaw in lattice.yaws]
+    n_x, n_y = lattice.shape[1:]
+    parts = [Part(range(len(affines)), slice(0, canvas.rows), slice(0, canvas.cols))]
+    if takes_transforms(n_x, n_y):
+        parts = make_parts(
+            scorer.templates[0], affines, canvas.shape, (n_x, n_y), len(scorer.fields), cost
+        )
+    for part in parts:
+        rows, cols = part.rows, part.cols
+        window = slice(rows.start, rows.stop + n_x - 1), slice(cols.start, cols.stop + n_y - 1)
+        moved = np.array([[cols.start], [rows.start]])
+        chosen = [
+            np.hstack([affine[:, :2], affine[:, 2:] + affine[:, :2] @ moved])
+            for affine in affines[part.yaws.start : part.yaws.stop]
+        ]
+        _score_part(scorer, scorer.fields[:, window[0], window[1]], chosen, part, keep)
 
-    def turn(yaw: int, out: Floats) -> None:
-        affine = turn_affine(grid, canvas, float(lattice.yaws[yaw]), lattice.pivot)
-        for plane, template in zip(out, scorer.templates, strict=False):
-            turn_into(plane, template, affine)
-        sums[yaw] = scorer.turned_sums(out)
 
-    correlate(
-        scorer.fields, scorer.terms, len(lattice.yaws), canvas=canvas.shape, turn=turn,
-        sink=lambda yaw, terms: keep(yaw, scorer.score(terms, sums[yaw])),
-    )
+def _score_part(
+    scorer: Scorer, fields: Floats, affines: list[Floats], part: Part, keep: Keep
+) -> None:
+    sums = np.zeros((len(affines), 2), np.float32)
+
+    def turn(yaw: int, template: int, out: Floats) -> None:
+        turn_into(out, scorer.templates[template], affines[yaw])
+        if scorer.sums_needed(template):
+            sums[yaw, template] = cv2.sumElems(out)[0]
+
+    def sink(yaws: range, terms: Floats) -> None:
+        first = part.yaws.start
+        found = scorer.score(terms, sums[yaws.start : yaws.stop, :, None, None])
+        keep(slice(first + yaws.start, first + yaws.stop), found)
+
+    correlate(fields, scorer.terms, len(affines), canvas=part.shape, turn=turn, sink=sink)

@@ -3,8 +3,9 @@
 """
 Exact residuals of single candidates, for following a mode.
 
-A turned template laid out with the window's row length meets the window of any translation as
-one contiguous run, so that a candidate is a product of two short, long matrices.
+A turned template laid out with the row length of a part of the window meets that part at any
+translation as one contiguous run, so that neighbours in y are one short correlation of long
+vectors.
 
 """
 
@@ -13,28 +14,27 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 from functools import lru_cache
+from itertools import groupby, product
 
+import cv2
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.field_level import Level
 from gip_localizer.core.lattice import turn_affine, turn_into
 from gip_localizer.core.scoring import Scorer
-from gip_localizer.core.threads import in_parallel
 
 Index = tuple[int, int, int]
 """Of yaw, x and y in a lattice."""
 
-WORTH_A_THREAD = 20_000  # cells, below which threads wait more than they work
-SPARE_ROOMS = 16
-SPARE_BYTES = 1 << 20  # of each, at most
-BOX = tuple((k, i, j) for k in (-1, 0, 1) for i in (-1, 0, 1) for j in (-1, 0, 1))
+SPARE_ROOMS = 32
+SPARE_BYTES = 1 << 19  # of each, at most
 
 
 class _Rooms:
     """Arrays of one shape that are used again, zero beyond some columns."""
 
-    def __init__(self, shape: tuple[int, int, int], cols: int) -> None:
+    def __init__(self, shape: tuple[int, int], cols: int) -> None:
         self._shape, self._cols = shape, cols
         self._spare: deque[Floats] = deque(maxlen=SPARE_ROOMS)
 
@@ -44,7 +44,7 @@ class _Rooms:
             return self._spare.pop()
         except IndexError:
             room = np.empty(self._shape, np.float32)
-            room[:, :, self._cols :] = 0.0
+            room[:, self._cols :] = 0.0
             return room
 
     def put(self, room: Floats) -> None:
@@ -53,8 +53,8 @@ class _Rooms:
             self._spare.append(room)
 
 
-@lru_cache(maxsize=4)
-def _rooms_of(shape: tuple[int, int, int], cols: int) -> _Rooms:
+@lru_cache(maxsize=8)
+def _rooms_of(shape: tuple[int, int], cols: int) -> _Rooms:
     return _Rooms(shape, cols)
 
 
@@ -68,6 +68,11 @@ class Probe:
         View, map window and lattice.
     normalized, min_overlap
         As for `match`.
+    about : (int, int, int), optional
+        Only the part of the window about this candidate is prepared; `holds` tells whether it
+        is enough.
+    reach : int
+        Translations about it that may be scored.
 
     Attributes
     ----------
@@ -76,36 +81,50 @@ class Probe:
 
     """
 
-    def __init__(self, level: Level, *, normalized: bool, min_overlap: float) -> None:
+    def __init__(
+        self, level: Level, *, normalized: bool, min_overlap: float, about: Index | None = None,
+        reach: int = 0,
+    ) -> None:
         self._level = level
+        half, canvas = level.lattice.half, level.canvas
+        centre = about[1:] if about else half
+        x, y = ((max(n - reach, 0), min(n + reach, 2 * h)) if about else (0, 2 * h)
+                for n, h in zip(centre, half, strict=True))
+        self._low, self._high = (x[0], y[0]), (x[1], y[1])
+        part = slice(x[0], x[1] + canvas.rows), slice(y[0], y[1] + canvas.cols)
         self._scorer = Scorer(
-            level.values, level.weight, level.window, level.known,
+            level.values, level.weight, level.window[part], level.known[part],
             normalized=normalized, min_overlap=min_overlap, residual_only=True,
         )
-        self._width = level.window.shape[1]
+        self._pairs = sorted({pair for term in self._scorer.terms for pair in term})
+        self._width = self._scorer.fields.shape[2]
         self._fields = self._scorer.fields.reshape(len(self._scorer.fields), -1)
-        self._turned: dict[int, tuple[Floats, tuple[float, float]]] = {}
-        self._rooms = _rooms_of(
-            (len(self._scorer.templates), level.canvas.rows, self._width), level.canvas.cols
-        )
+        self._turned: dict[tuple[int, int], Floats] = {}
+        self._sums = np.zeros((len(level.lattice.yaws), 2), np.float32)
+        self._rooms = _rooms_of((canvas.rows, self._width), canvas.cols)
         self.known: dict[Index, float] = {}
 
     def close(self) -> None:
         """Give the arrays back for the next frame; what is known stays."""
-        for flat, _ in self._turned.values():
-            self._rooms.put(flat)
+        for room in self._turned.values():
+            self._rooms.put(room)
         self._turned = {}
+
+    def holds(self, index: Index) -> bool:
+        """Tell whether a candidate's neighbours may be asked for, two steps away at most."""
+        half = self._level.lattice.half
+        return all(
+            (low == 0 or n - 2 >= low) and (high == 2 * h or n + 2 <= high) for n, low, high, h
+            in zip(index[1:], self._low, self._high, half, strict=True)
+        )
 
     def box(self, index: Index, reach: int = 1) -> list[Index]:
         """Return a candidate and its neighbours inside the lattice, `reach` steps away."""
-        n_yaw, n_x, n_y = self._level.lattice.shape
-        around = (
-            (index[0] + k * reach, index[1] + i * reach, index[2] + j * reach) for k, i, j in BOX
+        yaws, xs, ys = (
+            [k for k in (n - reach, n, n + reach) if 0 <= k < count]
+            for n, count in zip(index, self._level.lattice.shape, strict=True)
         )
-        return [
-            (yaw, x, y) for yaw, x, y in around
-            if 0 <= yaw < n_yaw and 0 <= x < n_x and 0 <= y < n_y
-        ]
+        return list(product(yaws, xs, ys))
 
     def best_about(self, index: Index, reach: int = 1) -> Index:
         """Return the best of a candidate and its neighbours, scored where they are not."""
@@ -115,51 +134,63 @@ class Probe:
 
     def is_shallow(self, index: Index, share: float) -> bool:
         """Tell whether another of the candidate's scored neighbours is about as good."""
-        least = self.known[index]
-        limit = least * (1.0 + share)
+        limit = self.known[index] * (1.0 + share)
         return any(place != index and self.known[place] <= limit for place in self.box(index))
 
     def score(self, places: Iterable[Index]) -> None:
-        """Make these candidates known."""
-        by_yaw: dict[int, list[Index]] = {}
-        for place in dict.fromkeys(places):
-            if place not in self.known:
-                by_yaw.setdefault(place[0], []).append(place)
+        """Make candidates known."""
+        new = sorted(set(places).difference(self.known))
+        if not new:
+            return
+        groups = [(yaw, list(g)) for yaw, g in groupby(enumerate(new), lambda n: n[1][0])]
+        sums = np.empty((len(self._pairs), len(new)), np.float32)
 
-        parts = list(by_yaw.values())
-        if self._level.canvas.rows * self._width >= WORTH_A_THREAD:
-            in_parallel(self._score_yaw, parts)
-        else:
-            for part in parts:
-                self._score_yaw(part)
+        def work(part: tuple[tuple[int, list[tuple[int, Index]]], int]) -> None:
+            (yaw, group), template = part
+            self._sum_up(self._turn(yaw, template), template, group, sums)
 
-    def _score_yaw(self, places: list[Index]) -> None:
-        """Score candidates of one yaw."""
-        room, turned = self._templates(places[0][0])
-        length = (room.shape[1] - 1) * self._width + self._level.canvas.cols
-        templates = room.reshape(len(room), -1)[:, :length]
-        sums = np.empty((len(templates), len(self._fields), len(places)), np.float32)
-        for n, (_, x, y) in enumerate(places):
-            start = x * self._width + y
-            sums[:, :, n] = templates @ self._fields[:, start : start + length].T
-        terms = np.empty((len(self._scorer.terms), len(places)), np.float32)
-        for total, term in zip(terms, self._scorer.terms, strict=True):
-            total[:] = sums[term[0]]
-            for pair in term[1:]:
-                total += sums[pair]
-        residual = self._scorer.score(terms, turned).residual
-        self.known.update(zip(places, residual.tolist(), strict=True))
+        parts = list(product(groups, range(len(self._scorer.templates))))
+        for part in parts:
+            work(part)
+        turned = self._sums[[place[0] for place in new]]
+        residual = self._scorer.score(self._terms(sums), turned).residual
+        self.known.update(zip(new, residual.tolist(), strict=True))
 
-    def _templates(self, yaw: int) -> tuple[Floats, tuple[float, float]]:
-        """Turned templates (n, rows, window's cols), zero beyond the canvas, and their sums."""
-        if yaw not in self._turned:
-            level, canvas = self._level, self._level.canvas
+    def _terms(self, sums: Floats) -> Floats:
+        row = {pair: n for n, pair in enumerate(self._pairs)}
+        return np.stack([
+            sums[[row[pair] for pair in term]].sum(axis=0) for term in self._scorer.terms
+        ])
+
+    def _sum_up(
+        self, turned: Floats, template: int, group: list[tuple[int, Index]], sums: Floats
+    ) -> None:
+        """Write the sums of candidates of one yaw that a template has a part in."""
+        rows = [n for n, (t, _) in enumerate(self._pairs) if t == template]
+        low_x, low_y = self._low
+        # neighbours in y, one after the other, have the same difference
+        for _, run in groupby(group, lambda n: (n[1][1], n[0] - n[1][2])):
+            (first, (_, x, y)), *others = run
+            more = len(others)
+            start = (x - low_x) * self._width + y - low_y
+            for row in rows:
+                field = self._fields[self._pairs[row][1]]
+                part = field[start : start + len(turned) + more]
+                sums[row, first : first + more + 1] = np.correlate(part, turned)
+
+    def _turn(self, yaw: int, template: int) -> Floats:
+        """Return a turned template, row by row, zero beyond the canvas; keep its sum."""
+        canvas = self._level.canvas
+        length = (canvas.rows - 1) * self._width + canvas.cols
+        if (yaw, template) not in self._turned:
             room = self._rooms.take()
-            inner = room[:, :, : canvas.cols]
-            affine = turn_affine(
-                level.grid, canvas, float(level.lattice.yaws[yaw]), level.lattice.pivot
-            )
-            for plane, template in zip(inner, self._scorer.templates, strict=True):
-                turn_into(plane, template, affine)
-            self._turned[yaw] = room, self._scorer.turned_sums(inner)
-        return self._turned[yaw]
+            self._turned[yaw, template] = room
+            turn_into(room[:, : canvas.cols], self._scorer.templates[template], self._affine(yaw))
+            if self._scorer.sums_needed(template):
+                self._sums[yaw, template] = cv2.sumElems(room)[0]
+        return self._turned[yaw, template].reshape(-1)[:length]
+
+    def _affine(self, yaw: int) -> Floats:
+        level = self._level
+        angle = float(level.lattice.yaws[yaw])
+        return turn_affine(level.grid, level.canvas, angle, level.lattice.pivot)

@@ -6,7 +6,8 @@ The best candidate of a lattice: by scoring all of them, or coarse to fine.
 Coarse to fine scores the whole window on joined cells, keeps the best modes, and follows them
 down to the lattice's own cells, where the exact residual decides. What comes back is a local
 minimum of the exact score. That it is the least of all is measured (`gip bench`), not proven: a
-bound from joined cells lets go of the energy inside them, which is most of the noise.
+bound from joined cells lets go of the energy inside them, which is most of the noise. Where the
+best of the joined cells does not stand out from the noise, all candidates are scored.
 
 """
 
@@ -14,24 +15,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+import math
 
 import numpy as np
 
 from gip_localizer.core.field_level import Level
+from gip_localizer.core.grid_modes import Mode, modes_of, Peak, Surface
 from gip_localizer.core.matching import score_yaws
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.probe import Index, Probe
 from gip_localizer.core.scoring import Residuals, Scorer
 
-KEPT = (32, 16)  # candidates kept of the whole window, and of each level below
-WITHIN = (0.25, 0.15)  # and how far above the best, as shares of the best's depth in the window
+KEPT = (32, 16)  # modes kept of the whole window, and of each level below
+WITHIN = (0.35, 0.15, 0.35)  # over the best, as shares of its depth in the window; last: climbs
 FEW = 200  # translations that are scored all rather than on larger cells
 LEAST_CELLS = 450  # of the view on the largest joined cells
 MOST_JOININGS = 4
-CLIMBED = 2  # starts on the lattice's own cells
+CLIMBED = 4  # starts on the lattice's own cells
 SHALLOW = 0.004  # a neighbour within this share of the least residual: a valley
 LOOSER = 0.8  # joined cells at the edge of the known map may belong to either side
 MAX_CLIMB = 20  # rounds of the last climb
+REACH = 4  # translations about a start that are prepared for its climb
+DOUBT = 60.0  # log likelihood ratio, below which joined cells have been seen to hide the best
+MOST_IN_DOUBT = 5_000_000  # candidates that are all scored in doubt
+CROWD = 4  # candidates looked at per mode kept
 
 
 @dataclass(frozen=True)
@@ -60,9 +67,10 @@ def exhaustive_winner(level: Level, *, normalized: bool, min_overlap: float) -> 
     least = np.full(len(level.lattice.yaws), np.inf)
     place = np.zeros(len(level.lattice.yaws), np.int64)
 
-    def keep(yaw: int, found: Residuals) -> None:
-        place[yaw] = found.residual.argmin()
-        least[yaw] = found.residual.flat[place[yaw]]
+    def keep(yaws: slice, found: Residuals) -> None:
+        flat = found.residual.reshape(len(found.residual), -1)
+        place[yaws] = flat.argmin(axis=1)
+        least[yaws] = flat[np.arange(len(flat)), place[yaws]]
 
     scorer = _scorer(level, normalized, min_overlap)
     score_yaws(scorer, level.grid, level.canvas, level.lattice, keep)
@@ -97,35 +105,70 @@ def pyramid_winner(
         return exhaustive_winner(level, normalized=normalized, min_overlap=min_overlap)
     loose = LOOSER * min_overlap
     modes, depth = _best_of_all(levels[0], normalized, loose, kept[0])
-    for above, below in pairwise(levels):
-        probe = Probe(below, normalized=normalized,
-                      min_overlap=min_overlap if below is level else loose)
-        places = list(dict.fromkeys(_below(above, below, mode) for mode in modes))
-        if below is level:
-            probe.score(places)
-            best = _best_known(probe, CLIMBED, np.inf)
-            best = [_climb(probe, place) for place in best]
-        else:
-            probe.score([near for place in places for near in probe.box(place)])
-            best = _best_known(probe, kept[1], WITHIN[1] * depth)
+    for above, below in pairwise(levels[:-1]):
+        probe = Probe(below, normalized=normalized, min_overlap=loose)
+        probe.score(near for _, mode in modes for near in probe.box(_below(above, below, mode)))
         probe.close()
-        modes = [_between(probe, place) for place in best]
-    if not best:
+        modes = _best_known(probe, kept[1], WITHIN[1] * depth)
+    places = [_below(levels[-2], level, mode) for value, mode in modes[:CLIMBED]
+              if value <= modes[0][0] + WITHIN[2] * depth]
+    known = _climbs(level, places, normalized, min_overlap)
+    if not known:
         return _winner(level, (0, 0, 0), np.inf)
-    winner = min(best, key=probe.known.__getitem__)
-    return _winner(level, winner, probe.known[winner])
+    winner = min(known, key=lambda place: (known[place], place))
+    if _in_doubt(level, depth, known[winner]):
+        return exhaustive_winner(level, normalized=normalized, min_overlap=min_overlap)
+    return _winner(level, winner, known[winner])
+
+
+def _in_doubt(level: Level, depth: float, residual: float) -> bool:
+    """
+    Tell whether noise may hide the best on joined cells, and scoring all is bearable.
+
+    With weights that are inverse variances up to a factor, the residual tells the factor, and
+    cells / 2 * depth / residual is the logarithm of the likelihood ratio of the best place of
+    joined cells and a usual one.
+
+    """
+    if math.prod(level.lattice.shape) > MOST_IN_DOUBT:
+        return False
+    return bool(0.5 * np.count_nonzero(level.weight) * depth < DOUBT * residual)
+
+
+def _climbs(
+    level: Level, places: list[Index], normalized: bool, min_overlap: float
+) -> dict[Index, float]:
+    """Climb from each place on the level's own cells; return what was scored."""
+    known: dict[Index, float] = {}
+    for place in places:
+        if place in known:
+            continue
+        for _ in range(MAX_CLIMB):
+            probe = Probe(level, normalized=normalized, min_overlap=min_overlap, about=place,
+                          reach=REACH)
+            probe.known = known
+            place, done = _climb(probe, place)
+            probe.close()
+            if done:
+                break
+    return known
 
 
 def _levels(level: Level) -> list[Level]:
-    """Return the level and those of cells joined two by two, the largest cells first."""
+    """Return the level and those of cells joined, the largest cells first."""
     levels = [level]
-    while (
-        len(levels) <= MOST_JOININGS
-        and levels[0].grid.rows * levels[0].grid.cols >= 4 * LEAST_CELLS
-        and levels[0].lattice.shape[1] * levels[0].lattice.shape[2] > FEW
-    ):
-        levels.insert(0, levels[0].joined(2))
+    while len(levels) <= MOST_JOININGS and (factor := _factor(levels[0])) > 1:
+        levels.insert(0, levels[0].joined(factor))
     return levels
+
+
+def _factor(level: Level) -> int:
+    """Return how many cells may be joined per side: three where that leaves few translations."""
+    cells = level.grid.rows * level.grid.cols
+    translations = level.lattice.shape[1] * level.lattice.shape[2]
+    if translations <= FEW or cells < 4 * LEAST_CELLS:
+        return 1
+    return 3 if cells >= 9 * LEAST_CELLS and translations <= 9 * FEW else 2
 
 
 def _scorer(level: Level, normalized: bool, min_overlap: float) -> Scorer:
@@ -139,54 +182,39 @@ def _winner(level: Level, index: Index, residual: float) -> Winner:
     return Winner(index, residual, level.lattice.pose(np.array(index, float)))
 
 
-Peak = tuple[float, float, float]
-"""Index of a mode, between candidates."""
-
-
 def _best_of_all(
     level: Level, normalized: bool, min_overlap: float, count: int
-) -> tuple[list[Peak], float]:
-    """Return the best candidates of the whole window, and how deep the best lies."""
+) -> tuple[list[Mode], float]:
+    """Return the modes of the whole window, best first, and how deep the best lies."""
     residual = np.empty(level.lattice.shape, np.float32)
 
-    def keep(yaw: int, found: Residuals) -> None:
-        residual[yaw] = found.residual
+    def keep(yaws: slice, found: Residuals) -> None:
+        residual[yaws] = found.residual
 
     scorer = _scorer(level, normalized, min_overlap)
     score_yaws(scorer, level.grid, level.canvas, level.lattice, keep)
     flat = residual.ravel()
-    count = min(count, flat.size)
-    order = np.argpartition(flat, count - 1)[:count]
-    least, usual = float(flat[order].min()), float(np.median(flat))
+    crowd, middle = min(CROWD * count, flat.size), flat.size // 2
+    order = np.argpartition(flat, crowd - 1)[:crowd]
+    least, usual = float(flat[order].min()), float(np.partition(flat, middle)[middle])
     if not np.isfinite(least):
         return [], 0.0
     depth = usual - least if np.isfinite(usual) else np.inf
-    order = np.sort(order[flat[order] <= least + WITHIN[0] * depth])
+    order = order[flat[order] <= least + WITHIN[0] * depth]
+    order = order[np.lexsort((order, flat[order]))]
     places = np.stack(np.unravel_index(order, residual.shape), axis=1)
-    return [(float(k), float(i), float(j)) for k, i, j in places], depth
+    return modes_of(places, Surface(residual), count), depth
 
 
-def _best_known(probe: Probe, count: int, above: float) -> list[Index]:
-    """Return the best candidates scored so far, at most so far above the best of them."""
-    ranked = sorted(probe.known.items(), key=lambda scored: (scored[1], scored[0]))[:count]
-    if not ranked or not np.isfinite(ranked[0][1]):
+def _best_known(probe: Probe, count: int, above: float) -> list[Mode]:
+    """Return the modes among what was scored, at most so far above the best of them."""
+    values = probe.known
+    order = sorted(values, key=lambda place: (values[place], place))[: CROWD * count]
+    if not order or not np.isfinite(values[order[0]]):
         return []
-    return [place for place, residual in ranked if residual <= ranked[0][1] + above]
-
-
-def _between(probe: Probe, place: Index) -> Peak:
-    """Return where a parabola on each axis has its minimum, within half a step."""
-    peak = [float(n) for n in place]
-    middle = probe.known[place]
-    for axis in range(3):
-        low, high = (
-            probe.known.get((place[0] + s * (axis == 0), place[1] + s * (axis == 1),
-                             place[2] + s * (axis == 2)), np.inf) for s in (-1, 1)
-        )
-        bend = low - 2.0 * middle + high
-        if 0.0 < bend < np.inf:
-            peak[axis] += min(max(0.5 * (low - high) / bend, -0.5), 0.5)
-    return peak[0], peak[1], peak[2]
+    limit = values[order[0]] + above
+    chosen = [place for place in order if values[place] <= limit]
+    return modes_of(np.array(chosen), values, count)
 
 
 def _below(above: Level, below: Level, peak: Peak) -> Index:
@@ -202,13 +230,20 @@ def _below(above: Level, below: Level, peak: Peak) -> Index:
     return yaw, x, y
 
 
-def _climb(probe: Probe, place: Index) -> Index:
-    """Go to the best neighbour until there is no better one; in a flat valley, look farther."""
+def _climb(probe: Probe, place: Index) -> tuple[Index, bool]:
+    """
+    Go to the best neighbour until there is no better one; in a flat valley, look farther.
+
+    The flag is False where the way leaves what the probe holds.
+
+    """
     for _ in range(MAX_CLIMB):
+        if not probe.holds(place):
+            return place, False
         before = place
         place = probe.best_about(before)
         if place == before and probe.is_shallow(place, SHALLOW):
             place = probe.best_about(before, reach=2)
         if place == before:
             break
-    return place
+    return place, True

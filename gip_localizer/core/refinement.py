@@ -37,7 +37,7 @@ BLOCK_SIDES = (1.0, 0.5)  # m ahead, m left: residuals count as correlated withi
 LEAST_BLOCKS = 10  # along each axis
 DOUBLED = (0.75, 2.0)  # sides of the view's cells, in the map's, that meet a map of half its cells
 LOCKING = 0.0037  # of a map cell: what sampling between cell centres may still shift a pose
-STAGE_SHARE = 0.003  # of the squared change since the coarser stage that counts as variance
+STAGE_SHARE = 0.02  # of the squared change since the coarser stage that counts as variance
 PITCH_BASIN = 0.005  # rad: pitch from which the first stage still finds its way
 
 

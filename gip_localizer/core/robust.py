@@ -117,14 +117,15 @@ def trust(
     residual: Floats, weights: Floats, scale_sq: float, outlier_scale: float
 ) -> tuple[Floats, Floats]:
     """
-    Geman-McClure weights (n,), and the slope (n,) of residual times weight.
+    Geman-McClure weights (n,), and the slope (n,) of residual times weight, at least 0.
 
     Weights are near 1 for residuals within the scale and near 0 far outside.
 
     """
     ratio = residual**2 * weights * np.float32(1.0 / (outlier_scale**2 * scale_sq))
     weight = 1.0 / (1.0 + ratio) ** 2
-    return np.asarray(weight), np.asarray(weight * (1.0 - 3.0 * ratio) / (1.0 + ratio))
+    slope = weight * np.maximum(1.0 - 3.0 * ratio, 0.0) / (1.0 + ratio)
+    return np.asarray(weight), np.asarray(slope)
 
 
 def block_sums(x: Floats, y: Floats, side: tuple[float, float]) -> sparse.csr_matrix:

@@ -39,8 +39,8 @@ class Residuals:
         the overlap is too small.
     correlation : (...) float32 or None
         Weighted correlation coefficient; None where only the residual was asked for.
-    overlap : (...) or () float32
-        Share of the weight on known map cells; one number where it is the same for all.
+    overlap : float32
+        Share of the weight on known map cells; one number per yaw where the map is known.
 
     """
 
@@ -72,10 +72,10 @@ class Scorer:
         self, values: Floats, weight: Floats, window: Floats, known: Floats, *,
         normalized: bool, min_overlap: float, residual_only: bool = False,
     ) -> None:
-        self.everywhere = bool((known != 0.0).all())
+        self.everywhere = bool(known.all())
         self._normalized, self._min_overlap = normalized, min_overlap
         self._joint = residual_only and not normalized
-        self._total = float(weight.sum(dtype=np.float64))
+        self._total = float(cv2.sumElems(weight)[0])
         level = self._level(values, weight)
         self.templates = self._make_templates(values, weight, level)
         self.fields = np.empty((2 if self.everywhere else 3, *window.shape), np.float32)
@@ -95,13 +95,13 @@ class Scorer:
         """Return G, G v and, where the map has gaps, G v²; for the joint term -2 G v."""
         templates = np.empty((2 if self.everywhere else 3, *weight.shape), np.float32)
         templates[0] = weight
-        v = np.subtract(values, level, out=templates[1])
-        v[weight <= 0.0] = 0.0
-        squares = weight * v * v
-        self._total_vv = np.float32(squares.sum(dtype=np.float64))
-        v *= weight * np.float32(-2.0) if self._joint else weight
+        v = values - level
+        np.multiply(weight, v, out=templates[1])
+        self._total_vv = np.float32(np.dot(templates[1].ravel(), v.ravel()))
         if not self.everywhere:
-            templates[2] = squares
+            np.multiply(templates[1], v, out=templates[2])
+        if self._joint:
+            templates[1] *= np.float32(-2.0)
         return templates
 
     def _terms(self) -> list[Term]:
@@ -110,35 +110,31 @@ class Scorer:
         squares = ((0, MM), (1, M))
         return [squares] if self.everywhere else [(*squares, (2, KNOWN)), SUMS['w']]
 
-    def turned_sums(self, turned: Floats) -> tuple[float, float]:
-        """Σ G and Σ G v of turned templates (n, rows, cols), needed on a known map only."""
-        if not self.everywhere:
-            return 0.0, 0.0
-        w = float(cv2.sumElems(turned[0])[0])
-        return w, 0.0 if self._joint else float(cv2.sumElems(turned[1])[0])
+    def sums_needed(self, template: int) -> bool:
+        """Whether `score` asks for the sum of this turned template."""
+        return self.everywhere and template < (1 if self._joint else 2)
 
-    def score(self, sums: Floats, turned: tuple[float, float]) -> Residuals:
+    def score(self, sums: Floats, turned: Floats) -> Residuals:
         """
-        Turn the terms of one yaw into residuals.
+        Turn sums into residuals.
 
         Parameters
         ----------
-        sums : (n_terms, ...) float32
+        sums : (n_terms, yaws, ...) float32
             In the order of `terms`; overwritten.
-        turned : (float, float)
-            From `turned_sums`.
+        turned : (yaws, 2, ...) float32
+            Σ G and Σ G v of the turned templates, as far as `sums_needed`.
 
         """
-        tiny = float(1e-12 * max(self._total, 1e-20))
+        tiny = np.float32(1e-12 * max(self._total, 1e-20))
         if self._joint:
             return self._joint_score(sums, turned, tiny)
         if self.everywhere:
             m, mm, vm = sums
-            w, v = np.float32(max(turned[0], tiny)), np.float32(turned[1])
-            vv, weights = self._total_vv, np.float32(turned[0])
+            weights, v, vv = turned[:, 0], turned[:, 1], self._total_vv
         else:
             m, mm, vm, weights, v, vv = sums
-            w = np.maximum(weights, tiny)
+        w = np.maximum(weights, tiny)
         mean_v, mean_m = v / w, m / w
         var_v = np.maximum(vv / w - mean_v**2, 0.0)
         var_m = np.maximum(mm / w - mean_m**2, 0.0)
@@ -152,25 +148,20 @@ class Scorer:
             residual = np.maximum((vv - 2.0 * vm + mm) / w, 0.0)
         return self._judged(residual, correlation, weights)
 
-    def _joint_score(
-        self, sums: Floats, turned: tuple[float, float], tiny: float
-    ) -> Residuals:
+    def _joint_score(self, sums: Floats, turned: Floats, tiny: np.float32) -> Residuals:
+        weights = turned[:, 0] if self.everywhere else sums[1]
         if self.everywhere:
-            weights = np.float32(turned[0])
             sums[0] += self._total_vv
-            sums[0] *= np.float32(1.0 / max(turned[0], tiny))
+            sums[0] *= np.float32(1.0) / np.maximum(weights, tiny)
         else:
-            weights = sums[1]
             sums[0] /= np.maximum(weights, tiny)
         return self._judged(np.maximum(sums[0], 0.0, out=sums[0]), None, weights)
 
     def _judged(
-        self, residual: Floats, correlation: Floats | None, weights: Floats | np.float32
+        self, residual: Floats, correlation: Floats | None, weights: Floats
     ) -> Residuals:
-        overlap = np.minimum(weights / max(self._total, 1e-20), 1.0)
-        if not self.everywhere:
-            np.maximum(overlap, 0.0, out=overlap)
-            residual[overlap < self._min_overlap] = np.inf
-        elif overlap < self._min_overlap:
-            residual[...] = np.inf
+        overlap = np.clip(weights / np.float32(max(self._total, 1e-20)), 0.0, 1.0)
+        low = overlap < self._min_overlap
+        if low.any():
+            residual[np.broadcast_to(low, residual.shape)] = np.inf
         return Residuals(residual, correlation, overlap)

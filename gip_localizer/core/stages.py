@@ -11,6 +11,7 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import Rectifier, View
 from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.camera_sway import CameraSway
+from gip_localizer.core.edge_noise import PixelSteps
 from gip_localizer.core.levels import coarsened
 from gip_localizer.core.robust import block_sums
 
@@ -49,6 +50,11 @@ class Stage:
         self.blocks = block_sums(self.sway.x, self.sway.y, PATTERN_SIDES)
         self.optical = optical_basis(rectifier.camera, points[self.index])
         self.blur: sparse.csr_matrix | None = rectifier.pixel_blur if factor == 1 else None
+
+        self.pixel_steps: PixelSteps | None = None
+        if factor == 1:
+            footprint = rectifier.footprint.ravel()[self.index]
+            self.pixel_steps = PixelSteps(rectifier.camera, points[self.index], footprint)
 
     def blurred(self, columns: Floats) -> Floats:
         """Return columns behind the pixel blur."""

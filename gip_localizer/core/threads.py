@@ -15,7 +15,8 @@ The one thread setting of BLAS, FFT and OpenCV.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 import os
@@ -38,12 +39,29 @@ def use_one_blas_thread() -> None:
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 
-def in_parallel(work: Callable[[Part], None], parts: Sequence[Part]) -> None:
-    """Do the work on every part; the first one in this thread, the others beside it."""
-    waiting = [_pool().submit(work, part) for part in parts[1:]]
+def in_parallel(
+    work: Callable[[Part], None], parts: Iterable[Part], *, worth_it: bool = True
+) -> None:
+    """
+    Do the work on every part, in this thread and beside it; who is free takes the next one.
+
+    Parts of less than a millisecond wait for Python's lock longer than they gain: where they are
+    not `worth_it`, this thread does all of them.
+
+    """
+    left = deque(parts)
+
+    def drain() -> None:
+        while left:
+            try:
+                part = left.popleft()
+            except IndexError:
+                return
+            work(part)
+
+    waiting = [_pool().submit(drain) for _ in range(min(WORKERS, len(left)) - 1) if worth_it]
     try:
-        if parts:
-            work(parts[0])
+        drain()
     finally:
         for done in waiting:
             done.result()

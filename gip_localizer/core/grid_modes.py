@@ -1,0 +1,64 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Modes among candidates: those without a better neighbour, and where between them they lie."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.probe import Index
+
+Peak = tuple[float, float, float]
+"""Index of a mode, between candidates."""
+Mode = tuple[float, Peak]
+"""Its residual, and where it is."""
+
+
+class Surface:
+    """Residuals by index, as in a dictionary."""
+
+    def __init__(self, residual: Floats) -> None:
+        self._residual = residual
+
+    def __getitem__(self, place: Index) -> float:
+        return float(self._residual[place])
+
+    def get(self, place: Index, default: float) -> float:
+        """Return a residual, or the default outside the lattice."""
+        if all(0 <= n < size for n, size in zip(place, self._residual.shape, strict=True)):
+            return float(self._residual[place])
+        return default
+
+
+def modes_of(
+    places: NDArray[np.int64], values: Surface | dict[Index, float], count: int
+) -> list[Mode]:
+    """
+    Return those of the places, best first, that have no better neighbour: at most `count`.
+
+    Each at the minimum of the parabolas through its neighbours, in the order of these minima.
+
+    """
+    near = np.abs(places[:, None] - places[None]).max(axis=2, initial=0) <= 1
+    alone = ~np.tril(near, -1).any(axis=1)
+    best: list[Index] = list(map(tuple, places[alone][:count].tolist()))  # type: ignore[arg-type]
+    return sorted(_between(values, place) for place in best)
+
+
+def _between(values: Surface | dict[Index, float], place: Index) -> Mode:
+    """Return the least of a parabola on each axis, and where it is, within half a step."""
+    peak = [float(n) for n in place]
+    least = middle = values[place]
+    for axis in range(3):
+        low, high = (
+            values.get((place[0] + s * (axis == 0), place[1] + s * (axis == 1),
+                        place[2] + s * (axis == 2)), np.inf) for s in (-1, 1)
+        )
+        bend = low - 2.0 * middle + high
+        if 0.0 < bend < np.inf:
+            shift = min(max(0.5 * (low - high) / bend, -0.5), 0.5)
+            peak[axis] += shift
+            least -= 0.5 * bend * shift * shift
+    return least, (peak[0], peak[1], peak[2])
