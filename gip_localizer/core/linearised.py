@@ -24,6 +24,7 @@ from gip_localizer.core.robust import LEAST_PATTERN
 GEOMETRY = 3  # x, y, yaw come first in the state
 DAMPING = np.array([1.0, 1.0, 25.0])  # 1/m², 1/m², 1/rad²: no step along what nothing tells
 WIDEST = np.array([30.0, 30.0, 3.0])  # m, m, rad: what is known of any pose near its start
+MOST_OVERDISPERSION = 1e3  # also told where nothing can be
 SINGULAR = 1e-9  # least eigenvalue of an information matrix scaled to a unit diagonal
 LEAST_SPREAD = 0.05  # of the noise model's standard deviations: residuals may be small by chance
 
@@ -130,8 +131,11 @@ class Problem:
         the view pull in different directions, as at a wrong place.
 
         """
-        ratio = np.trace(np.linalg.solve(self.expected, covariance)) / GEOMETRY
-        return float(np.sqrt(max(ratio, 0.0)))
+        if not (np.isfinite(self.expected).all() and np.isfinite(covariance).all()):
+            return MOST_OVERDISPERSION
+        information = np.linalg.pinv(self.expected, hermitian=True)
+        ratio = float(np.trace(information @ covariance)) / GEOMETRY
+        return min(float(np.sqrt(max(ratio, 0.0))), MOST_OVERDISPERSION)
 
     def fisher(self) -> Floats:
         """Return the covariance (3, 3) of the geometry for independent pixel noise."""
