@@ -211,11 +211,6 @@ class RasterMap:
         samples = self.sample_from(Pose2(0.0, 0.0, 0.0), xy_map[:, 0], xy_map[:, 1])
         return samples.values, samples.known
 
-    def sample_with_gradient(self, xy_map: Floats) -> tuple[Floats, Floats, Bools]:
-        """Grey (n,), its gradient (n, 2) per metre in the map frame, and valid (n,)."""
-        samples = self.sample_from(Pose2(0.0, 0.0, 0.0), xy_map[:, 0], xy_map[:, 1])
-        return samples.values, np.stack(samples.slopes(), axis=1), samples.known
-
     def sample_from(self, T_map_a: Pose2, x: Floats, y: Floats) -> Samples:
         """
         Grey at points of a frame, with its slopes along that frame's axes.
