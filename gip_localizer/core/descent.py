@@ -119,7 +119,7 @@ class Descent:
         self._edges: Floats | None = None
         self._shade = None
         if state.shading.any():
-            shade = self._stage.optical @ state.shading.astype(np.float32)
+            shade = state.shading.astype(np.float32) @ self._stage.optical
             self._shade = np.float32(1.0) + shade
 
     def run(self) -> Problem:
@@ -153,7 +153,7 @@ class Descent:
             self._columns = None
         elif length <= LINEAR:
             free = 3 + len(self._unknowns.moving)
-            change = problem.slopes[:, :free] @ step[:free].astype(np.float32)
+            change = step[:free].astype(np.float32) @ problem.slopes[:free]
             predicted = problem.predicted + change
             self._seen = predicted, problem.all_weights
 
@@ -206,7 +206,7 @@ class Descent:
         if self._edges is None:
             assert self._columns is not None
             slopes = self._columns[0]
-            changes = steps.changes(slopes[:, 0], slopes[:, 1]) * np.float32(gain**2)
+            changes = steps.changes(slopes[0], slopes[1]) * np.float32(gain**2)
             self._edges = changes * np.float32(edge_share(residual, weights, changes))
         return weights / (np.float32(1.0) + weights * self._edges)
 
@@ -217,25 +217,34 @@ class Descent:
         sampled = samples.values if self._shade is None else samples.values * self._shade
         predicted = self._stage.blurred(sampled)
         if self._columns is None:
-            self._columns = self._slopes(samples, sampled, (x, y))
+            self._columns = self._slopes(samples, sampled, predicted, (x, y))
         known = self._layer.weights
         return predicted, known if samples.valid is None else known * samples.valid
 
     def _slopes(
-        self, samples: Samples, sampled: Floats, points: tuple[Floats, Floats]
+        self, samples: Samples, sampled: Floats, predicted: Floats, points: tuple[Floats, Floats]
     ) -> tuple[Floats, Floats]:
-        """Columns (n, p) of the unblurred map, and behind the pixel blur."""
-        x, y = points
+        """Slopes (p, n) of the map, and behind the pixel blur, which changes no lever."""
         ahead, left = samples.slopes()
         if self._shade is not None:
             ahead, left = ahead * self._shade, left * self._shade
-        tangents = [self._stage.sway.tangents[k] for k in self._unknowns.moving]
-        columns = [ahead, left, left * x - ahead * y]
-        columns += [ahead * along_x + left * along_y for along_x, along_y in tangents]
+        instruments = self._by_unknown(ahead, left, sampled, points)
+        if self._stage.blur is None:
+            return instruments, instruments
+        ahead, left = self._stage.blurred(ahead), self._stage.blurred(left)
+        return instruments, self._by_unknown(ahead, left, predicted, points)
+
+    def _by_unknown(
+        self, ahead: Floats, left: Floats, grey: Floats, points: tuple[Floats, Floats]
+    ) -> Floats:
+        """Slopes (p, n) for each unknown, of a map with slopes along x and y (n,)."""
+        x, y = points
+        rows = [ahead, left, left * x - ahead * y]
+        for along_x, along_y in (self._stage.sway.tangents[k] for k in self._unknowns.moving):
+            rows.append(ahead * along_x + left * along_y)
         if self._unknowns.normalized:
-            columns += [sampled, np.ones_like(sampled)]
-        instruments = np.stack(columns, axis=1)
-        return instruments, self._stage.blurred(instruments)
+            rows += [grey, np.ones_like(grey)]
+        return np.stack(rows)
 
     def _agreed(self, predicted: Floats, weights: Floats) -> Floats:
         """Weights without the blocks that do not show the map; found once."""

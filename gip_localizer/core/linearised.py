@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
 
 from gip_localizer.core.arrays import Floats
+from gip_localizer.core.blocks import Blocks
 from gip_localizer.core.robust import LEAST_PATTERN
 
 GEOMETRY = 3  # x, y, yaw come first in the state
@@ -32,16 +32,16 @@ LEAST_SPREAD = 0.05  # of the noise model's standard deviations: residuals may b
 @dataclass(frozen=True, eq=False)
 class Problem:
     """
-    The problem at one state; n cells, p columns (x, y, yaw, camera motion, gain, offset).
+    The problem at one state; n cells, p unknowns (x, y, yaw, camera motion, gain, offset).
 
     Attributes
     ----------
-    instruments : (n, p) float32
-        Slopes of the unblurred map for each column.
-    slopes : (n, p) float32
+    instruments : (p, n) float32
+        Slopes of the unblurred map for each unknown.
+    slopes : (p, n) float32
         The same behind the pixel blur.
     scales : (p,) float64
-        What the columns are in grey levels of the view.
+        What the slopes are in grey levels of the view.
     residual : (n,) float32
         v - a S û - b.
     weights : (n,) float32
@@ -57,7 +57,7 @@ class Problem:
     scale_sq : float
         Mean squared normalised residual of the cells that agree.
     prior : (p,) float64
-        Information of the prior on each column, before scaling.
+        Information of the prior on each unknown, before scaling.
     prior_offset : (p,) float64
         State relative to the prior's mean.
 
@@ -83,8 +83,7 @@ class Problem:
         return self._normal(self.weights)
 
     def _normal(self, weights: Floats) -> Floats:
-        weighted = self.instruments * weights[:, None]
-        matrix = (weighted.T @ self.slopes).astype(np.float64)
+        matrix = ((self.instruments * weights) @ self.slopes.T).astype(np.float64)
         matrix = 0.5 * (matrix + matrix.T) * np.outer(self.scales, self.scales)
         ridge = 1e-9 * np.diag(matrix) + 1e-12
         ridge[:GEOMETRY] += 1.0 / WIDEST**2
@@ -92,22 +91,21 @@ class Problem:
 
     def step(self, information: Floats) -> Floats:
         """Return the Gauss-Newton step (p,) with this matrix, or one near it."""
-        gradient = self.scales * (self.instruments.T @ (self.weights * self.residual))
+        gradient = self.scales * (self.instruments @ (self.weights * self.residual))
         gradient -= self.scale_sq * self.prior * self.prior_offset
         damped = information.copy()
         damped[range(GEOMETRY), range(GEOMETRY)] += self.scale_sq * DAMPING
         return np.asarray(np.linalg.solve(damped, gradient))
 
-    def sandwich(self, blocks: sparse.csr_matrix) -> Floats:
+    def sandwich(self, blocks: Blocks) -> Floats:
         """
         Return the covariance (3, 3) of the geometry from the gradients' spread.
 
         Never far below what the noise model expects, which is large along what nothing tells.
 
         """
-        scores = np.asarray(
-            blocks @ (self.instruments * (self.weights * self.residual)[:, None]), np.float64
-        ) * self.scales
+        pulls = self.instruments * (self.weights * self.residual)
+        scores = blocks.sums(pulls).T * self.scales
         slope = self._normal(self.curvature)
         count = int(np.count_nonzero(np.abs(scores).sum(axis=1)))
         spread = scores.T @ scores * (count / max(count - len(slope), 1))

@@ -28,13 +28,10 @@ from gip_localizer.core.levels import coarsened
 from gip_localizer.core.linearised import Problem
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.raster_map import RasterMap
-from gip_localizer.core.robust import block_sums
 from gip_localizer.core.stages import make_stages
 from gip_localizer.parameters import CameraMotion
 
 MAX_DRIFT = 1.0  # m from the start
-BLOCK_SIDES = (1.0, 0.5)  # m ahead, m left: residuals count as correlated within such blocks
-LEAST_BLOCKS = 10  # along each axis
 DOUBLED = (0.75, 2.0)  # sides of the view's cells, in the map's, that meet a map of half its cells
 LOCKING = 0.0037  # of a map cell: what sampling between cell centres may still shift a pose
 STAGE_SHARE = 0.02  # of the squared change since the coarser stage that counts as variance
@@ -77,11 +74,6 @@ class Refiner:
         self.pitches = _pitches(camera_motion.sigma_pitch)
         self._unknowns = _unknowns(camera_motion, normalized=normalized, robust=robust)
         self._stages = make_stages(rectifier)
-        grid = rectifier.grid
-        extent = (grid.rows * grid.resolution, grid.cols * grid.resolution)
-        sides = [min(s, e / LEAST_BLOCKS) for s, e in zip(BLOCK_SIDES, extent, strict=True)]
-        sway = self._stages[-1].sway
-        self._blocks = block_sums(sway.x, sway.y, (sides[0], sides[1]))
 
     def layers(self, view: View, weight: Floats, raster_map: RasterMap) -> list[Layer]:
         """
@@ -135,7 +127,7 @@ class Refiner:
             if self._unknowns.normalized and layer is not layers[-1]:
                 state.shading = descent.shaded(problem)
         drift = math.hypot(state.pose.x - start.x, state.pose.y - start.y)
-        spread = problem.sandwich(self._blocks)
+        spread = problem.sandwich(self._stages[-1].blocks)
         covariance = spread + _beyond(coarser, state.pose, layers[-1].raster_map.resolution)
         converged = (
             drift < MAX_DRIFT and _is_covariance(covariance) and settled(state.step, covariance)

@@ -5,9 +5,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import sparse
 
 from gip_localizer.core.arrays import Floats
+from gip_localizer.core.blocks import Blocks
 
 TRIMMED = 1.0 / 3.0  # share of the cells whose residuals tell the noise
 TRIMMED_CHI_SQ = 0.1855  # that quantile of the chi-square distribution, 1 degree of freedom
@@ -40,7 +40,7 @@ def shading(values: Floats, predicted: Floats, weights: Floats, basis: Floats) -
     ----------
     values, predicted, weights : (n,) float32
         View, map behind the pixel blur, and weights.
-    basis : (n, k) float32
+    basis : (k, n) float32
         Smooth functions of the pixel, of order one.
 
     Returns
@@ -49,21 +49,21 @@ def shading(values: Floats, predicted: Floats, weights: Floats, basis: Floats) -
         Factors c of `v = a (1 + basis c) m + b`, shrunk towards none.
 
     """
-    columns = np.column_stack([predicted, np.ones_like(predicted), basis * predicted[:, None]])
-    weighted = columns * weights[:, None]
-    normal = (weighted.T @ columns).astype(np.float64)
+    columns = np.concatenate([[predicted, np.ones_like(predicted)], basis * predicted])
+    weighted = columns * weights
+    normal = (weighted @ columns.T).astype(np.float64)
     ridge = np.zeros(len(normal))
     ridge[2:] = SHADING_RIDGE * normal[0, 0]
     solved = np.linalg.solve(
-        normal + np.diag(ridge + 1e-12), (weighted.T @ values).astype(np.float64)
+        normal + np.diag(ridge + 1e-12), (weighted @ values).astype(np.float64)
     )
     if solved[0] <= 0.0:
-        return np.zeros(basis.shape[1])
+        return np.zeros(len(basis))
     return np.clip(solved[2:] / solved[0], -0.5, 0.5)
 
 
 def agreeing(
-    values: Floats, predicted: Floats, weights: Floats, blocks: sparse.csr_matrix, *,
+    values: Floats, predicted: Floats, weights: Floats, blocks: Blocks, *,
     gain: float | None = None,
 ) -> tuple[Floats, float]:
     """
@@ -77,17 +77,18 @@ def agreeing(
     the noise lets expect; without a gain, half of what the better blocks reach.
 
     """
-    columns = np.stack([
-        weights, weights * values, weights * predicted, weights * values**2,
-        weights * predicted**2, weights * values * predicted, weights > 0.0,
-    ], axis=1)
-    sums = np.asarray(blocks @ columns, np.float64)
-    w = np.maximum(sums[:, 0], 1e-20)
-    v, m = sums[:, 1] / w, sums[:, 2] / w
-    var_v = np.maximum(sums[:, 3] / w - v**2, 0.0)
-    var_m = np.maximum(sums[:, 4] / w - m**2, 0.0)
-    alike = (sums[:, 5] / w - v * m) / np.maximum(np.sqrt(var_v * var_m), 1e-12)
-    counted = sums[:, 0] > 0.0
+    values, predicted = values - values.mean(), predicted - predicted.mean()
+    weighted_v, weighted_m = weights * values, weights * predicted
+    sums = blocks.larger_sums(np.stack([
+        weights, weighted_v, weighted_m, weighted_v * values, weighted_m * predicted,
+        weighted_v * predicted, weights > 0.0,
+    ]))
+    w = np.maximum(sums[0], 1e-20)
+    v, m = sums[1] / w, sums[2] / w
+    var_v = np.maximum(sums[3] / w - v**2, 0.0)
+    var_m = np.maximum(sums[4] / w - m**2, 0.0)
+    alike = (sums[5] / w - v * m) / np.maximum(np.sqrt(var_v * var_m), 1e-12)
+    counted = sums[0] > 0.0
     if not counted.any():
         return np.ones(len(values), np.float32), 0.0
     if gain is None:
@@ -95,11 +96,11 @@ def agreeing(
         telling, kept = counted, alike >= 0.5 * expected
     else:
         pattern = gain**2 * var_m
-        expected = np.sqrt(pattern / (pattern + np.maximum(sums[:, 6], 1.0) / w))
+        expected = np.sqrt(pattern / (pattern + np.maximum(sums[6], 1.0) / w))
         telling = counted & (expected >= TELLING) & (var_m > LEAST_PATTERN**2)
         kept = (alike >= 0.5 * expected) | ~telling
     share = float(w[telling & kept].sum() / max(w[telling].sum(), LEAST_TELLING * w.sum()))
-    return np.asarray(blocks.T @ kept.astype(np.float32)), share
+    return blocks.over_larger(kept), share
 
 
 def mean_normalised_square(residual: Floats, weights: Floats) -> float:
@@ -126,13 +127,3 @@ def trust(
     weight = 1.0 / (1.0 + ratio) ** 2
     slope = weight * np.maximum(1.0 - 3.0 * ratio, 0.0) / (1.0 + ratio)
     return np.asarray(weight), np.asarray(slope)
-
-
-def block_sums(x: Floats, y: Floats, side: tuple[float, float]) -> sparse.csr_matrix:
-    """Matrix (blocks, n) that adds up the cells of each block of road, sides in metres."""
-    across = np.floor((y - y.min()) / side[1]).astype(int)
-    index = np.floor((x - x.min()) / side[0]).astype(int) * (int(across.max()) + 1) + across
-    _, block = np.unique(index, return_inverse=True)
-    block, n = np.asarray(block).ravel(), len(x)
-    ones = np.ones(n, np.float32)
-    return sparse.csr_matrix((ones, (block, np.arange(n))), shape=(int(block.max()) + 1, n))

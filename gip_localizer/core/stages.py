@@ -9,16 +9,19 @@ from scipy import sparse
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import Rectifier, View
+from gip_localizer.core.blocks import Blocks, whole_blocks
 from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.camera_sway import CameraSway
 from gip_localizer.core.edge_noise import PixelSteps
+from gip_localizer.core.footprints import Grid
 from gip_localizer.core.levels import coarsened
-from gip_localizer.core.robust import block_sums
 
 STAGES = ((4, 6), (2, 6), (1, 12))  # cells joined per side, and the most steps
 PLAIN_STEPS = 2  # of the first stage, before outliers are told from misalignment
 LEAST_SCALE_SQ = 0.5  # residuals this small against the noise model are never outliers
-PATTERN_SIDES = (1.0, 1.0)  # m: blocks that agree with the map, or do not
+BLOCK_SIDES = (1.0, 0.5)  # m ahead, m left: residuals count as correlated within such blocks
+LEAST_BLOCKS = 10  # along each axis
+PATTERN_SIDE = 1.0  # m: larger blocks, which agree with the map or do not
 LEAST_CELLS = 200  # joined cells that a stage must have
 OPTICAL_TERMS = 5
 
@@ -44,27 +47,36 @@ class Stage:
         blank = View(weight, rectifier.footprint, rectifier.valid, rectifier.grid)
         view, _ = coarsened(blank, weight, factor)
         self.resolution = view.grid.resolution
-        self.index = np.flatnonzero(view.valid)
+        index = np.flatnonzero(view.valid)
         points = view.grid.points() if factor > 1 else rectifier.centroids
+        self.blocks = _blocks(points[index], rectifier.grid)
+        self.index = index[self.blocks.order]
         self.sway = CameraSway(rectifier.camera, points[self.index])
-        self.blocks = block_sums(self.sway.x, self.sway.y, PATTERN_SIDES)
         self.optical = optical_basis(rectifier.camera, points[self.index])
-        self.blur: sparse.csr_matrix | None = rectifier.pixel_blur if factor == 1 else None
-
+        self.blur: sparse.csr_matrix | None = None
         self.pixel_steps: PixelSteps | None = None
         if factor == 1:
+            order = self.blocks.order
+            self.blur = rectifier.pixel_blur[order][:, order]
             footprint = rectifier.footprint.ravel()[self.index]
             self.pixel_steps = PixelSteps(rectifier.camera, points[self.index], footprint)
 
-    def blurred(self, columns: Floats) -> Floats:
-        """Return columns behind the pixel blur."""
-        return columns if self.blur is None else np.asarray(self.blur @ columns)
+    def blurred(self, values: Floats) -> Floats:
+        """Return values (n,) behind the pixel blur."""
+        return values if self.blur is None else np.asarray(self.blur @ values)
+
+
+def _blocks(points: Floats, grid: Grid) -> Blocks:
+    extent = (grid.rows * grid.resolution, grid.cols * grid.resolution)
+    ahead, left = (min(s, e / LEAST_BLOCKS) for s, e in zip(BLOCK_SIDES, extent, strict=True))
+    joined = (whole_blocks(ahead, PATTERN_SIDE), whole_blocks(left, PATTERN_SIDE))
+    return Blocks(points[:, 0], points[:, 1], (ahead, left), joined)
 
 
 def optical_basis(camera: CameraModel, points: Floats) -> Floats:
-    """Smooth functions (n, 5) of the pixels that see road points, of order one, mean zero."""
+    """Smooth functions (5, n) of the pixels that see road points, of order one, mean zero."""
     uv, _ = camera.project(points.astype(np.float64))
     u = uv[:, 0] / (0.5 * camera.width) - 1.0
     v = uv[:, 1] / (0.5 * camera.width) - camera.height / camera.width
     basis = np.nan_to_num(np.stack([u, v, u * u, u * v, v * v], axis=1))
-    return (basis - basis.mean(axis=0)).astype(np.float32)
+    return np.ascontiguousarray((basis - basis.mean(axis=0)).T, np.float32)
