@@ -125,7 +125,7 @@ class Motion:
 class CameraMotion:
     """How far the suspension moves the camera from its calibration."""
 
-    sigma_pitch: float = p(0.002, 'Pitch about its calibrated value; 0: fixed.', unit='rad',
+    sigma_pitch: float = p(0.005, 'Pitch about its calibrated value; 0: fixed.', unit='rad',
                            low=0.0, high=0.1)
     sigma_roll: float = p(0.001, 'Roll about its calibrated value; 0: fixed.', unit='rad',
                           low=0.0, high=0.1)

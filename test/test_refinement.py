@@ -11,6 +11,7 @@ import pytest
 
 from gip_localizer.core.birdseye import Rectifier
 from gip_localizer.core.gramian import gramian
+from gip_localizer.core.map_crops import Crop
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.refinement import Refiner
 from gip_localizer.parameters import Birdseye, CameraMotion
@@ -26,7 +27,7 @@ def fit(road, image, start, *, refiner=None, noise=0.01, **kwargs):
     view = RECTIFIER.rectify(image)
     weight = gramian(view.footprint, pixel_noise=noise, map_noise=0.02)
     crop = road.map.crop(start.transform(RECTIFIER.grid.corners()), margin=1.5, cell=0.05)
-    return refiner.refine(refiner.layers(view, weight, crop), start, **kwargs)
+    return refiner.refine(refiner.layers(view, weight, Crop(crop)), start, **kwargs)
 
 
 def assert_near(pose, truth, *, xy=0.02, yaw=0.002):
@@ -118,6 +119,6 @@ def test_off_the_map_nothing_converges(road):
     view = RECTIFIER.rectify(road.frame(CAMERA, truth))
     weight = gramian(view.footprint, pixel_noise=0.01, map_noise=0.02)
     refiner = Refiner(RECTIFIER, FIXED, normalized=True, robust=True)
-    found = refiner.refine(refiner.layers(view, weight, blind), truth)
+    found = refiner.refine(refiner.layers(view, weight, Crop(blind)), truth)
     assert not found.converged
     assert found.overlap == 0.0

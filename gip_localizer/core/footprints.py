@@ -66,6 +66,12 @@ class Grid:
         """Corner lattice ((rows + 1) * (cols + 1), 2) in base, metres."""
         return Grid(self.far, self.left, self.rows + 1, self.cols + 1, self.resolution).points(0.0)
 
+    def outline(self) -> Floats:
+        """Outermost corners (4, 2) in base, metres."""
+        near = self.far - self.rows * self.resolution
+        right = self.left - self.cols * self.resolution
+        return np.array([[x, y] for x in (self.far, near) for y in (self.left, right)])
+
     def cell_of(self, xy: Floats) -> tuple[Floats, Floats]:
         """Fractional row and column of base points (..., 2); a cell is [k, k + 1)."""
         return (self.far - xy[..., 0]) / self.resolution, (self.left - xy[..., 1]) / (

@@ -80,9 +80,7 @@ def make_lattice(
 
 def make_canvas(grid: Grid, lattice: Lattice) -> Grid:
     """Return the cells, in the anchor's axes, that the view covers at any of the yaws."""
-    near, right = grid.far - grid.rows * grid.resolution, grid.left - grid.cols * grid.resolution
-    corners = np.array([[x, y] for x in (grid.far, near) for y in (grid.left, right)])
-    x, y = (corners - [lattice.pivot, 0.0]).T
+    x, y = (grid.outline() - [lattice.pivot, 0.0]).T
     yaws = _extreme_yaws(lattice.yaws)[:, None]
     turned_x = np.cos(yaws) * x - np.sin(yaws) * y + lattice.pivot
     turned_y = np.sin(yaws) * x + np.cos(yaws) * y

@@ -23,6 +23,7 @@ from gip_localizer.core.estimate import Estimate, Match, Status
 from gip_localizer.core.fit import Fit
 from gip_localizer.core.gramian import estimate_pixel_noise, gramian
 from gip_localizer.core.integrity import judge, Verdict
+from gip_localizer.core.map_crops import MapCrops
 from gip_localizer.core.odometry import OdometrySample, REWIND_NS
 from gip_localizer.core.optics import Optics
 from gip_localizer.core.pose import Pose2
@@ -51,6 +52,7 @@ class Localizer:
 
     def __init__(self, raster_map: RasterMap, parameters: Parameters) -> None:
         self.raster_map = raster_map
+        self._crops = MapCrops(raster_map)
         self.parameters = parameters
         self.tracker = Tracker(parameters.motion)
         self.standing = Standing(parameters)
@@ -210,7 +212,7 @@ class Localizer:
         if prior is None:
             self.standing.searched(stamp_ns)
             return global_search(
-                match.view, match.weight, self.raster_map, stamp_ns, self.parameters,
+                match.view, match.weight, self._crops, stamp_ns, self.parameters,
                 refiner=self._optics_now.refiner,
             )
         if self.standing.confirmed:
@@ -222,7 +224,7 @@ class Localizer:
 
     def _search_about(self, match: Match, prior: Belief, extent: Extent) -> Found | None:
         return search_window(
-            match.view, match.weight, self.raster_map, prior, extent,
+            match.view, match.weight, self._crops, prior, extent,
             refiner=self._optics_now.refiner, normalized=self._normalized,
         )
 

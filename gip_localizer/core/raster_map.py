@@ -18,7 +18,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gip_localizer.core.arrays import Bools, Floats, Grey
 from gip_localizer.core.pose import Pose2
@@ -27,6 +26,8 @@ from gip_localizer.errors import MapError
 
 QUARTER = np.array([-3.0, 29.0, 111.0, -9.0, 0.0], np.float32) / 128.0
 """Cubic convolution a quarter of a cell before the middle one of five."""
+Box = tuple[int, int, int, int]
+"""First row and one past the last, first column and one past the last."""
 WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0, np.dtype(np.float32): 1.0}
 
 
@@ -144,20 +145,45 @@ class RasterMap:
             None where the points lie off the map altogether.
 
         """
+        box = self.box(xy_map, margin=margin, cell=cell)
+        return None if box is None else self.cut(box, cell)
+
+    def box(self, xy_map: Floats, *, margin: float, cell: float, snap: float = 0.0) -> Box | None:
+        """
+        Rows and columns of the crop around some points.
+
+        Parameters
+        ----------
+        xy_map, margin, cell
+            As for `crop`.
+        snap : float
+            Metres: boxes start at multiples of this and are whole multiples long, so that
+            neighbouring places share one. 0: no longer than need be.
+
+        """
         rc = self.to_cell(xy_map)
         pad = margin / self.resolution + 3.0 * max(cell / self.resolution, 1.0)
         low = np.floor(rc.min(axis=0) - pad).astype(int)
         high = np.ceil(rc.max(axis=0) + pad).astype(int) + 1
-        step = max(int(cell / self.resolution / 2.0 + 1e-9), 1)
+        step = self._joining(cell)
+        if snap:
+            grain = max(round(snap / self.resolution / step), 1) * step
+            length = (-((low - high) // grain) + 1) * grain
+            low = low // grain * grain
+            high = low + length
         shape = np.array(self.grey.shape)
         low, high = np.clip(low, 0, shape), np.clip(high, 0, shape)
         high -= (high - low) % step
         if np.any(high - low < max(step, 2)):
             return None
-        return self._cut(low, high, step, cell)
+        return int(low[0]), int(high[0]), int(low[1]), int(high[1])
 
-    def _cut(self, low: NDArray[np.int_], high: NDArray[np.int_], step: int,
-             cell: float) -> RasterMap:
+    def _joining(self, cell: float) -> int:
+        return max(int(cell / self.resolution / 2.0 + 1e-9), 1)
+
+    def cut(self, box: Box, cell: float) -> RasterMap:
+        """Return the part in a box (`box`), as `crop` does."""
+        low, high, step = (box[0], box[2]), (box[1], box[3]), self._joining(cell)
         part = (slice(low[0], high[0]), slice(low[1], high[1]))
         values = np.asarray(self.grey[part], np.float32) / np.float32(WHITE[self.grey.dtype])
         valid = None if self.valid is None else np.asarray(self.valid[part])

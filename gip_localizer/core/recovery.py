@@ -13,6 +13,7 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import View
 from gip_localizer.core.footprints import Grid
 from gip_localizer.core.levels import coarsened
+from gip_localizer.core.map_crops import MapCrops
 from gip_localizer.core.matching import Lattice, match
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.posterior import best_peaks, independent_cells, with_unseen
@@ -30,7 +31,7 @@ LOCAL_SIGMA = 1.0  # m: the local searches hardly use the coarse pose as a prior
 
 
 def global_search(
-    view: View, weight: Floats, raster_map: RasterMap, stamp_ns: int, parameters: Parameters,
+    view: View, weight: Floats, crops: MapCrops, stamp_ns: int, parameters: Parameters,
     *, refiner: Refiner,
 ) -> Found | None:
     """
@@ -43,12 +44,12 @@ def global_search(
         and the view share nothing.
 
     """
-    places = coarse_places(view, weight, raster_map, parameters)
+    places = coarse_places(view, weight, crops.raster_map, parameters)
     normalized = parameters.score.metric.endswith('normalized')
     covariance = np.diag([LOCAL_SIGMA**2, LOCAL_SIGMA**2, 1.0])
     searches = [
         search_window(
-            view, weight, raster_map, Belief(stamp_ns, place.pose, covariance),
+            view, weight, crops, Belief(stamp_ns, place.pose, covariance),
             Extent(1.5 * place.step, 1.5 * place.step, 1.2 * parameters.recovery.yaw_step,
                    parameters.search.yaw_step, parameters.score.min_overlap),
             refiner=refiner, normalized=normalized,

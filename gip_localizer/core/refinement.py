@@ -26,13 +26,12 @@ from gip_localizer.core.descent import Descent, Layer, settled, State, Unknowns
 from gip_localizer.core.fit import Fit
 from gip_localizer.core.levels import coarsened
 from gip_localizer.core.linearised import Problem
+from gip_localizer.core.map_crops import Crop
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.stages import make_stages
 from gip_localizer.parameters import CameraMotion
 
 MAX_DRIFT = 1.0  # m from the start
-DOUBLED = (0.75, 2.0)  # sides of the view's cells, in the map's, that meet a map of half its cells
 LOCKING = 0.0037  # of a map cell: what sampling between cell centres may still shift a pose
 STAGE_SHARE = 0.02  # of the squared change since the coarser stage that counts as variance
 PITCH_BASIN = 0.005  # rad: pitch from which the first stage still finds its way
@@ -75,7 +74,7 @@ class Refiner:
         self._unknowns = _unknowns(camera_motion, normalized=normalized, robust=robust)
         self._stages = make_stages(rectifier)
 
-    def layers(self, view: View, weight: Floats, raster_map: RasterMap) -> list[Layer]:
+    def layers(self, view: View, weight: Floats, crop: Crop) -> list[Layer]:
         """
         Lay a frame out for the stages, once for all starts.
 
@@ -85,18 +84,16 @@ class Refiner:
             Bird's-eye view of the rectifier.
         weight : (rows, cols) float32
             The Gramian's diagonal.
-        raster_map : RasterMap
-            The map, or a crop that covers the view about all starts.
+        crop : Crop
+            Of the map; covers the view about all starts.
 
         """
         layers = []
         for stage in self._stages:
             joined, weights = coarsened(view, weight, stage.factor)
-            smoothed = raster_map.smoothed(stage.resolution)
-            if DOUBLED[0] <= stage.resolution / raster_map.resolution < DOUBLED[1]:
-                smoothed = smoothed.doubled()
             layers.append(Layer(
-                stage, joined.patch.ravel()[stage.index], weights.ravel()[stage.index], smoothed
+                stage, joined.patch.ravel()[stage.index], weights.ravel()[stage.index],
+                crop.for_cells(stage.resolution),
             ))
         return layers
 

@@ -21,6 +21,7 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import Rectifier, View
 from gip_localizer.core.gramian import estimate_pixel_noise, gramian
+from gip_localizer.core.map_crops import MapCrops
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.search import lattice_scores
 from gip_localizer.core.windows import Extent
@@ -143,7 +144,7 @@ def _by_norms(bench: Bench, image: np.ndarray, start: Pose2) -> dict[str, Pose2 
     found: dict[str, Pose2 | None] = {}
     for name, (weight, normalized) in NORMS.items():
         scores = lattice_scores(
-            view, weights[weight], bench.raster_map, start, extent, normalized=normalized
+            view, weights[weight], MapCrops(bench.raster_map), start, extent, normalized=normalized
         )
         known = np.isfinite(scores.residual).any()
         found[name] = scores.lattice.pose(np.array(scores.best(), float)) if known else None

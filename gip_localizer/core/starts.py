@@ -1,0 +1,60 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Where refinements start: the modes of the lattice's posterior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+from gip_localizer.core.matching import Scores
+from gip_localizer.core.pose import Pose2
+from gip_localizer.core.posterior import subcell_peak, Surface
+
+MOST_RIVALS = 2
+RIVAL_SHARE = 0.6  # of the best correlation on the lattice, from which a place is a rival
+RIVAL_DISTANCE = 0.3  # m from the winner
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """A mode of the lattice's posterior."""
+
+    scores: Scores
+    surface: Surface
+    index: tuple[int, int, int]
+    pitch: float
+
+    @property
+    def residual(self) -> float:
+        return float(self.scores.residual[self.index])
+
+    @property
+    def log_posterior(self) -> float:
+        return float(self.surface.log_posterior[self.index])
+
+    @property
+    def correlation(self) -> float:
+        return float(self.scores.correlation[self.index])
+
+    @property
+    def pose(self) -> Pose2:
+        return self.scores.lattice.pose(subcell_peak(self.surface, self.index))
+
+
+def rivals(starts: list[Start], winner: Pose2) -> list[Start]:
+    """
+    Places that look nearly as good on the lattice as the winner: at most two.
+
+    The posterior cannot tell: it knows nothing of what the lattice's coarse cells cost a place
+    that lies between them.
+
+    """
+    least = RIVAL_SHARE * max(start.correlation for start in starts)
+    rivals: list[Start] = []
+    for start in starts:
+        others = [winner, *(rival.pose for rival in rivals)]
+        apart = [math.hypot(start.pose.x - p.x, start.pose.y - p.y) for p in others]
+        if start.correlation > least and min(apart) > RIVAL_DISTANCE:
+            rivals.append(start)
+    return rivals[:MOST_RIVALS]
