@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import math
 
 from gip_localizer.core.arrays import Floats
+from gip_localizer.core.linearised import Problem
 from gip_localizer.core.pose import Pose2
 
 MOST_CORRELATION = 0.9999  # beyond which fits are equally good
@@ -26,9 +27,8 @@ class Fit:
         Of x, y (m) and yaw (rad) in the axes of the pose (ahead, left), from the spread of the
         residuals' gradients over blocks of the road (sandwich estimate), so that correlated
         residuals count as what they are.
-    fisher : (3, 3) float64
-        Covariance by Fisher information alone (Cramér-Rao bound for white pixel noise and the
-        weights as given).
+    problem : Problem
+        The least-squares problem at the pose.
     camera_motion : (3,) float64
         Estimated pitch, roll (rad) and height (m) relative to the calibration.
     gain, offset : float
@@ -55,7 +55,7 @@ class Fit:
 
     pose: Pose2
     covariance: Floats
-    fisher: Floats
+    problem: Problem
     camera_motion: Floats
     gain: float
     offset: float
@@ -67,6 +67,16 @@ class Fit:
     converged: bool
     chi_sq: float
     overdispersion: float
+
+    @property
+    def fisher(self) -> Floats:
+        """
+        Covariance (3, 3) by Fisher information alone, in the axes of the pose.
+
+        The Cramér-Rao bound for white pixel noise and the weights as given.
+
+        """
+        return self.problem.fisher()
 
     @property
     def evidence(self) -> float:

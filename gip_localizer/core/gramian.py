@@ -18,7 +18,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats, Grey
 
-NOISE_BANDS = 24  # of three rows, spread over the image, that tell the noise
+NOISE_BANDS = 12  # of three rows, spread over the image, that tell the noise
 NOISE_FLOOR = 0.25 / 255.0  # grey levels of [0, 1]: rounding to 8 bits alone gives 0.29/255
 
 

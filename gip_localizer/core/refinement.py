@@ -159,7 +159,7 @@ def _fit(
     return Fit(
         pose=state.pose,
         covariance=covariance,
-        fisher=problem.fisher(),
+        problem=problem,
         camera_motion=state.camera_motion,
         gain=problem.gain,
         offset=problem.offset,

@@ -3,7 +3,7 @@
 """
 Steps 3 and 4 about one place: score a window of candidates, refine the best modes, keep one.
 
-The lattice is scored on joined cells (`COARSE_CELL`), whose sums lose nothing but detail; the
+The lattice is scored on joined cells (`Extent.cell`), whose sums lose nothing but detail; the
 continuous refinement on the full view then gives the pose.
 
 """
@@ -36,7 +36,6 @@ from gip_localizer.core.starts import rivals, Start
 from gip_localizer.core.tracker import Belief
 from gip_localizer.core.windows import Extent
 
-COARSE_CELL = 0.1  # m: cells are joined up to this side for the lattice
 PEAKS = 3  # of each score surface that are looked at
 PLAIN_WINNER = 1.0  # merit of a fit beside which no other mode needs a look, ...
 PLAIN_DISPERSION = 3.0  # ... unless the parts of the view contradict each other more than this
@@ -66,7 +65,7 @@ class Found:
     fits: list[Fit]
 
 
-def coarse_factor(resolution: float, cell: float = COARSE_CELL) -> int:
+def coarse_factor(resolution: float, cell: float) -> int:
     """Return how many cells are joined per side for a lattice of about `cell` metres."""
     return max(int(cell / resolution + 1e-6), 1)
 
@@ -104,10 +103,11 @@ def search_window(
         return None
     layers = refiner.layers(view, weight, fine)
     scored = partial(_scored, view, weight, crops, prior, extent, refiner.camera, normalized)
-    window = _Window(scored, partial(refiner.refine, layers))
+    quickly = partial(refiner.refine, layers[1:]) if extent.near and len(layers) > 2 else None
+    window = _Window(scored, partial(refiner.refine, layers), quickly)
     level, *swayed = refiner.pitches
     window.score(level)
-    if swayed and not window.is_level():
+    if not window.is_level():
         for pitch in swayed:
             window.score(pitch)
     window.refine(extent.modes)
@@ -124,14 +124,16 @@ class _Window:
         Scores and posterior of the window as if the camera were pitched by so much.
     refined : callable
         Fit from a pose, and a pitch.
+    quickly : callable or None
+        The same from near by; what it finds counts if it is plain.
 
     """
 
     def __init__(
         self, scored: Callable[[float], tuple[Scores, Surface | None]],
-        refined: Callable[..., Fit],
+        refined: Callable[..., Fit], quickly: Callable[..., Fit] | None,
     ) -> None:
-        self._scored, self._refined = scored, refined
+        self._scored, self._refined, self._quickly = scored, refined, quickly
         self._scores: list[Scores] = []
         self._starts: list[Start] = []
         self._fits: dict[Start | Pose2, Fit] = {}
@@ -154,7 +156,13 @@ class _Window:
         """Tell whether the best mode is good and does not look as if the camera were pitched."""
         if not self._starts:
             return False
-        fit = self._fit(self._starts[0])
+        start = self._starts[0]
+        if self._quickly is not None:
+            fit = self._quickly(start.pose, pitch=start.pitch)
+            if _is_plain(fit):
+                self._fits[start] = fit
+                return True
+        fit = self._fit(start)
         calm = bool(abs(fit.camera_motion[0]) < CALM[0])
         return _is_plain(fit) or (calm and fit.merit > CALM[1])
 
@@ -202,10 +210,10 @@ def _scored(
 
 def lattice_scores(
     view: View, weight: Floats, crops: MapCrops, anchor: Pose2, extent: Extent, *,
-    normalized: bool, cell: float = COARSE_CELL,
+    normalized: bool,
 ) -> Scores:
-    """Score the window on cells joined up to `cell` metres."""
-    factor = coarse_factor(view.grid.resolution, cell)
+    """Score the window on cells joined up to `extent.cell`."""
+    factor = coarse_factor(view.grid.resolution, extent.cell)
     joined, joined_weight = coarsened(view, weight, factor)
     step = joined.grid.resolution
     crop = crops.about(view.grid, anchor, extent, step)

@@ -12,6 +12,7 @@ from gip_localizer.parameters import Parameters
 
 FIRST_FIX_SIGMAS = 2.0  # a first prior's window covers this many standard deviations
 FIRST_FIX_LIMITS = (5.0, 0.6)  # m, rad: but no more than this
+FOLLOWED_CELL = 0.2  # m: the surface only has to tell that nothing is better elsewhere
 FOLLOWED_SIGMAS = 4.0  # a confirmed belief's window covers this many
 FOLLOWED_MARGIN = (0.2, 0.0175)  # m, rad: and this beyond them
 
@@ -31,6 +32,10 @@ class Extent:
         Least share of the weight on known map cells.
     modes : int
         Most peaks of the score surface that are refined while none is plainly the winner.
+    cell : float
+        Cells are joined up to this side, m, for the score surface.
+    near : bool
+        The surface's peak is near enough to be refined from the second stage on.
 
     """
 
@@ -40,6 +45,8 @@ class Extent:
     yaw_step: float
     min_overlap: float
     modes: int = 3
+    cell: float = 0.1
+    near: bool = False
 
 
 def whole(_: Belief, parameters: Parameters) -> Extent:
@@ -66,7 +73,7 @@ def followed(prior: Belief, parameters: Parameters) -> Extent:
     near_yaw = FOLLOWED_SIGMAS * sigma_yaw + FOLLOWED_MARGIN[1]
     return Extent(
         min(search.x, near), min(search.y, near), min(search.yaw, near_yaw), search.yaw_step,
-        parameters.score.min_overlap, modes=1,
+        parameters.score.min_overlap, modes=1, cell=FOLLOWED_CELL, near=True,
     )
 
 
