@@ -126,8 +126,6 @@ def test_odometry_that_freezes_is_contradicted(run, reset):
     assert run.frontend.localizer.tracker.prediction_source == 'constant velocity'
 
 
-@pytest.mark.xfail(reason='confidence 0.58 of a right match whose prior is contradicted is below '
-                   'integrity.min_confidence 0.7: the vehicle is lost, silently but by name')
 def test_odometry_that_stands_at_zero_all_the_time_is_contradicted(road, drive):
     slow = [(pose, pixels) for pose, pixels in drive[:1] * 2]
     step = 0.25 / road.lane.length

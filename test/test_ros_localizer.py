@@ -44,6 +44,7 @@ def test_the_pose_that_arrives_is_right(tester, localizer, render):
     assert 1_700_000_000 <= pose.header.stamp.sec < 1_700_000_010
     assert pose.header.stamp.nanosec % (SECOND // 10) == 23_456_789
     assert pose.header.frame_id == 'map'
+    tester.until(lambda: tester.with_covariance, 'the pose with its covariance')
     full = np.reshape(tester.with_covariance[-1].pose.covariance, (6, 6))
     assert np.linalg.eigvalsh(full).min() > 0.0
     assert 1e-5 < math.sqrt(full[0, 0]) < 0.05

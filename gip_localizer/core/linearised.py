@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+import math
 
 import numpy as np
 
@@ -150,16 +151,17 @@ class Problem:
 
     def correlation(self) -> float:
         """Weighted correlation of view and prediction over the cells that agree."""
-        w = self.weights.astype(np.float64)
-        total = w.sum()
+        w, m = self.weights, self.predicted
+        total = float(w.sum(dtype=np.float64))
         if total <= 0.0:
             return 0.0
-        v = self.residual + self.gain * self.predicted + self.offset
-        dv, dm = v - w @ v / total, self.predicted - w @ self.predicted / total
-        if w @ dm**2 < LEAST_PATTERN**2 * total:
+        v = self.residual + np.float32(self.gain) * m
+        dv, dm = v - np.float32(w @ v / total), m - np.float32(w @ m / total)
+        weighted = w * dm
+        if weighted @ dm < LEAST_PATTERN**2 * total:
             return 0.0
-        spread = np.sqrt((w @ dv**2) * (w @ dm**2))
-        return float(w @ (dv * dm) / spread) if spread > 1e-12 else 0.0
+        spread = math.sqrt(float((w * dv) @ dv) * float(weighted @ dm))
+        return float(weighted @ dv) / spread if spread > 1e-12 else 0.0
 
 
 def _effective(pulls: Floats, covariance: Floats) -> float:

@@ -104,8 +104,8 @@ class MapCrops:
 
 def _touched(grid: Grid, pose: Pose2, extent: Extent) -> Floats:
     """Corners (n, 2) of the view at the headings of the window, metres in the map."""
-    turns = np.linspace(-extent.yaw, extent.yaw, 2 + int(extent.yaw / 0.1))
-    corners = grid.outline()
-    return np.concatenate([
-        (pose @ Pose2(0.0, 0.0, float(turn))).transform(corners) for turn in turns
-    ])
+    turns = pose.yaw + np.linspace(-extent.yaw, extent.yaw, 2 + int(extent.yaw / 0.1))
+    cos, sin = np.cos(turns), np.sin(turns)
+    x, y = grid.outline().T[:, :, None]
+    touched = np.stack([pose.x + cos * x - sin * y, pose.y + sin * x + cos * y], axis=-1)
+    return touched.reshape(-1, 2)

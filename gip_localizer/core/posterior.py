@@ -175,15 +175,14 @@ def _log_prior(scores: Scores, prior: Belief) -> Floats:
     turn[:2, :2] = anchor.rotation()
     information = np.linalg.inv(turn.T @ prior.covariance @ turn)
     centre = difference(anchor.inverse() @ prior.pose, Pose2(0.0, 0.0, 0.0))
-    d = np.broadcast_arrays(x - centre[0], y - centre[1], yaw - centre[2])
-    quadratic = sum(
-        information[i, j] * d[i] * d[j] for i in range(3) for j in range(3)
-    )
-    return np.asarray(-0.5 * quadratic)
+    x, y, yaw = x - centre[0], y - centre[1], yaw - centre[2]
+    (a, b, c), (_, d, e), (*_, f) = information
+    return np.asarray(-0.5 * (
+        a * x**2 + d * y**2 + f * yaw**2 + 2.0 * (x * (b * y + c * yaw) + e * y * yaw)
+    ))
 
 
 def _spread(mass: Floats, x: Floats, y: Floats, yaw: Floats) -> Floats:
-    axes = np.broadcast_arrays(x, y, yaw)
-    means = [float((mass * a).sum()) for a in axes]
-    centred = [a - m for a, m in zip(axes, means, strict=True)]
-    return np.array([[float((mass * a * b).sum()) for b in centred] for a in centred])
+    axes = np.stack([a.ravel() for a in np.broadcast_arrays(x, y, yaw)])
+    centred = axes - (axes @ mass.ravel())[:, None]
+    return np.asarray((centred * mass.ravel()) @ centred.T)

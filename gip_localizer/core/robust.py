@@ -106,10 +106,12 @@ def agreeing(
 def mean_normalised_square(residual: Floats, weights: Floats) -> float:
     """Robust mean of r² W (1 when the weights are 1/variance), from its lower third."""
     part = slice(None, None, max(len(residual) // 2500, 1))
-    chosen = weights[part] > 0.0
-    if not chosen.any():
+    used, squares = weights[part], residual[part] ** 2
+    squares *= used
+    if not used.all():
+        squares = squares[used > 0.0]
+    if not squares.size:
         return 1.0
-    squares = residual[part][chosen] ** 2 * weights[part][chosen]
     rank = int(TRIMMED * (len(squares) - 1))
     return max(float(np.partition(squares, rank)[rank]) / TRIMMED_CHI_SQ, 1e-6)
 

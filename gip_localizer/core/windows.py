@@ -14,7 +14,7 @@ FIRST_FIX_SIGMAS = 2.0  # a first prior's window covers this many standard devia
 FIRST_FIX_LIMITS = (5.0, 0.6)  # m, rad: but no more than this
 FOLLOWED_CELL = 0.2  # m: the surface only has to tell that nothing is better elsewhere
 FOLLOWED_SIGMAS = 4.0  # a confirmed belief's window covers this many
-FOLLOWED_MARGIN = (0.2, 0.0175)  # m, rad: and this beyond them
+FOLLOWED_MARGIN = (0.2, 0.0150)  # m, rad: and this beyond them
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ Message classes and serialization are those of `rosbags`, with ROS 2 Jazzy's def
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 import math
 from pathlib import Path
 from types import TracebackType
@@ -28,18 +27,11 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import get_typestore, Stores
-from rosbags.typesys.store import Typestore
 
 from gip_localizer.core.pose import Pose2
+from gip_localizer.io.cdr import jazzy
 
 UNSEEN = (0.0, 0.0, 1.0, 0.1, 0.1, 0.0)  # variances of z [m²], roll, pitch [rad²], as the node's
-
-
-@lru_cache(maxsize=1)
-def jazzy() -> Typestore:
-    """Return the message types of ROS 2 Jazzy (shared; do not register into it)."""
-    return get_typestore(Stores.ROS2_JAZZY)
 
 
 def make(msgtype: str, **fields: Any) -> Any:

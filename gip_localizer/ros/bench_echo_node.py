@@ -12,6 +12,9 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import Image
 
+from gip_localizer.io.cdr import image_of
+from gip_localizer.io.messages import stamp_ns
+from gip_localizer.ros.conversions import header_of
 from gip_localizer.ros.running import run_node
 
 NAME = 'bench_echo'
@@ -24,10 +27,11 @@ class BenchEcho(Node):
         super().__init__(NAME)
         self._echo = self.create_publisher(PoseStamped, 'echo', QoSProfile(depth=10))
         newest = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
-        self.create_subscription(Image, 'image', self._on_image, newest)
+        self.create_subscription(Image, 'image', self._on_image, newest, raw=True)
 
-    def _on_image(self, message: Image) -> None:
-        self._echo.publish(PoseStamped(header=message.header))
+    def _on_image(self, serialized: bytes) -> None:
+        stamp = stamp_ns(image_of(serialized, 'Image').header)
+        self._echo.publish(PoseStamped(header=header_of(stamp, 'camera')))
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -22,10 +22,13 @@ KINDS = ('publisher', 'subscription', 'service', 'timer')
 
 
 def listen(
-    node: Node, kind: type[Any], topic: str, use: Callable[[Any], None], qos: QoSProfile
+    node: Node, kind: type[Any], topic: str, use: Callable[[Any], None], qos: QoSProfile, *,
+    raw: bool = False,
 ) -> Subscription:
     """
     Subscribe, with `qos_overrides./TOPIC.subscription.{history,depth,reliability}` over `qos`.
+
+    With `raw`, messages come as serialized bytes.
 
     Raises
     ------
@@ -34,7 +37,7 @@ def listen(
 
     """
     return _overridable(topic, lambda options: node.create_subscription(
-        kind, topic, use, copy.copy(qos), qos_overriding_options=options
+        kind, topic, use, copy.copy(qos), qos_overriding_options=options, raw=raw
     ))  # fmt: skip
 
 

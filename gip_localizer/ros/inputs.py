@@ -17,6 +17,8 @@ from rclpy.qos import qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from gip_localizer.core.estimate import Estimate
+from gip_localizer.errors import ImageError
+from gip_localizer.io.cdr import image_of
 from gip_localizer.io.frontend import Frontend
 from gip_localizer.io.mask_pairing import Masked, MaskPairing
 from gip_localizer.parameters import Parameters
@@ -77,12 +79,29 @@ class Inputs:
         if parameters.image_transport == 'compressed':
             self._decode = self._frontend.on_compressed_image
             kind, topic = CompressedImage, 'image/compressed'
-        listen(node, kind, topic, self._take_image, _camera_qos(parameters, depth=1))
+        self._listen_for(node, kind, topic, self._take_image, _camera_qos(parameters, depth=1))
 
     def _listen_to_masks(self, node: Node, parameters: Parameters) -> None:
         self._pairing = MaskPairing(lambda: self._frontend.parameters.mask)
-        listen(node, Image, 'mask', self._take_mask, _camera_qos(parameters, depth=MASKS_KEPT))
+        qos = _camera_qos(parameters, depth=MASKS_KEPT)
+        self._listen_for(node, Image, 'mask', self._take_mask, qos)
         node.create_timer(LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _listen_for(
+        self, node: Node, kind: type[Any], topic: str, take: Callable[[Any], None],
+        qos: QoSProfile,
+    ) -> None:
+        """Subscribe to images or masks, whose pixels are not copied."""
+
+        def unpack(serialized: bytes) -> None:
+            try:
+                message = image_of(serialized, kind.__name__)
+            except ImageError as error:
+                node.get_logger().error(f'{topic}: {error}', throttle_duration_sec=1.0)
+            else:
+                take(message)
+
+        listen(node, kind, topic, unpack, qos, raw=True)
 
     def _take_image(self, message: Any) -> None:
         if self._pairing is None:
@@ -90,7 +109,7 @@ class Inputs:
             return
         self._hand_on(self._pairing.add_image(message, time.monotonic_ns()))
 
-    def _take_mask(self, message: Image) -> None:
+    def _take_mask(self, message: Any) -> None:
         if self._pairing is not None:
             self._hand_on(self._pairing.add_mask(message))
 
