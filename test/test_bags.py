@@ -9,7 +9,8 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 
 from gip_localizer.errors import BagError
-from gip_localizer.io.bag_writer import BagWriter, jazzy
+from gip_localizer.io.bag_writer import BagWriter
+from gip_localizer.io.cdr import jazzy
 from gip_localizer.io.bags import Bag
 
 TOPICS = ('/camera/image', '/odom')

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gip_localizer.cli import main
-from gip_localizer.io.bag_writer import jazzy
+from gip_localizer.io.cdr import jazzy
 
 IMAGE = '/image'
 

@@ -21,7 +21,7 @@ import yaml
 
 from gip_localizer.errors import BagError
 from gip_localizer.io.bag_sources import BagMessage, END, open_source, Source, Topic
-from gip_localizer.io.bag_writer import jazzy
+from gip_localizer.io.cdr import jazzy
 
 STORAGE = ('.mcap', '.db3')
 

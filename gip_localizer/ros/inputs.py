@@ -18,11 +18,15 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from gip_localizer.core.estimate import Estimate
 from gip_localizer.errors import ImageError
-from gip_localizer.io.cdr import image_of
 from gip_localizer.io.frontend import Frontend
 from gip_localizer.io.mask_pairing import Masked, MaskPairing
 from gip_localizer.parameters import Parameters
 from gip_localizer.ros.endpoints import listen
+
+try:
+    from gip_localizer.io.cdr import image_of
+except ImportError:  # without rosbags, rclpy unpacks images, at the price of its copies
+    image_of = None  # type: ignore[assignment]
 
 ODOMETRY_KEPT = 1000
 """Messages that may wait while a frame is localized; older ones are dropped."""
@@ -92,6 +96,9 @@ class Inputs:
         qos: QoSProfile,
     ) -> None:
         """Subscribe to images or masks, whose pixels are not copied."""
+        if image_of is None:
+            listen(node, kind, topic, take, qos)
+            return
 
         def unpack(serialized: bytes) -> None:
             try:
