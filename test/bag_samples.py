@@ -15,6 +15,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from gip_localizer.core.pose import Pose2
 from gip_localizer.io.bag_writer import covariance_36, make, make_header, make_pose
+from gip_localizer.io.cdr import jazzy
 
 IMAGE, INFO = 'sensor_msgs/msg/Image', 'sensor_msgs/msg/CameraInfo'
 ODOM, POSE = 'nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped'

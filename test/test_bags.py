@@ -10,8 +10,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StorageP
 
 from gip_localizer.errors import BagError
 from gip_localizer.io.bag_writer import BagWriter
-from gip_localizer.io.cdr import jazzy
 from gip_localizer.io.bags import Bag
+from gip_localizer.io.cdr import jazzy
 
 TOPICS = ('/camera/image', '/odom')
 STREAM = serialized(small_drive())
