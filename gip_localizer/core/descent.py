@@ -10,7 +10,9 @@ that are there tell what it looks like from the new pose, at a fraction of the t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -40,6 +42,10 @@ MAX_STEP = np.array([0.15, 0.15, 0.03])  # m, m, rad: no step may leave the basi
 OUTLIER_SCALE = 3.0  # residuals beyond this many standard deviations lose their weight
 MIN_GAIN = 0.02
 MIN_CELLS = 20
+
+
+Columns = tuple[Floats, Floats, Callable[[], Floats]]
+"""Instruments and slopes (p, n) of a `Problem`, and its exact instruments."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,12 +93,30 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """One stage's cells of a frame: values and weights (n,) float32, and the map they meet."""
+    """
+    One stage's cells of a frame, and the map they meet.
+
+    Attributes
+    ----------
+    stage : Stage
+        Which cells.
+    values, weights : (n,) float32
+        Grey and Gramian.
+    raster_map : RasterMap
+        What the cells are compared with.
+    calm_slopes : ((rows, cols) float32, (rows, cols) float32) or None
+        `RasterMap.blurred_slopes` of it, for cells that err with the map; None: not used.
+    pixel_share : (n,) float32
+        Share of the cells' variance that pixels cause and not the map.
+
+    """
 
     stage: Stage
     values: Floats
     weights: Floats
     raster_map: RasterMap
+    calm_slopes: tuple[Floats, Floats] | None
+    pixel_share: Floats
 
 
 class Descent:
@@ -114,7 +138,8 @@ class Descent:
         self._layer, self._state, self._unknowns = layer, state, unknowns
         self._stage = layer.stage
         self._agreeing: Floats | None = None
-        self._columns: tuple[Floats, Floats] | None = None
+        self._columns: Columns | None = None
+        self._sharp: tuple[Floats, Floats] | None = None
         self._seen: tuple[Floats, Floats] | None = None
         self._edges: Floats | None = None
         self._shade = None
@@ -204,9 +229,8 @@ class Descent:
         if steps is None:
             return weights
         if self._edges is None:
-            assert self._columns is not None
-            slopes = self._columns[0]
-            changes = steps.changes(slopes[0], slopes[1]) * np.float32(gain**2)
+            assert self._sharp is not None
+            changes = steps.changes(*self._sharp) * np.float32(gain**2)
             self._edges = changes * np.float32(edge_share(residual, weights, changes))
         return weights / (np.float32(1.0) + weights * self._edges)
 
@@ -223,16 +247,32 @@ class Descent:
 
     def _slopes(
         self, samples: Samples, sampled: Floats, predicted: Floats, points: tuple[Floats, Floats]
-    ) -> tuple[Floats, Floats]:
-        """Slopes (p, n) of the map, and behind the pixel blur, which changes no lever."""
-        ahead, left = samples.slopes()
-        if self._shade is not None:
-            ahead, left = ahead * self._shade, left * self._shade
-        instruments = self._by_unknown(ahead, left, sampled, points)
-        if self._stage.blur is None:
-            return instruments, instruments
+    ) -> Columns:
+        """Instruments and slopes; the pixel blur changes no lever."""
+        ahead, left = self._under_shade(samples.slopes())
+        self._sharp = ahead, left
+        exact = partial(self._by_unknown, ahead, left, sampled, points)
+        instruments = self._by_unknown(*self._calmed(samples), sampled, points)
+        if self._stage.blur is None and self._layer.calm_slopes is None:
+            return instruments, instruments, exact
         ahead, left = self._stage.blurred(ahead), self._stage.blurred(left)
-        return instruments, self._by_unknown(ahead, left, predicted, points)
+        return instruments, self._by_unknown(ahead, left, predicted, points), exact
+
+    def _calmed(self, samples: Samples) -> tuple[Floats, Floats]:
+        """Slopes (n,) of the map, blurred as far as a cell errs with the map."""
+        assert self._sharp is not None
+        ahead, left = self._sharp
+        calm = self._layer.calm_slopes
+        if calm is None:
+            return ahead, left
+        calm_ahead, calm_left = self._under_shade(samples.slopes_of(*calm))
+        share = self._layer.pixel_share
+        return calm_ahead + share * (ahead - calm_ahead), calm_left + share * (left - calm_left)
+
+    def _under_shade(self, slopes: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+        if self._shade is None:
+            return slopes
+        return slopes[0] * self._shade, slopes[1] * self._shade
 
     def _by_unknown(
         self, ahead: Floats, left: Floats, grey: Floats, points: tuple[Floats, Floats]

@@ -5,13 +5,17 @@ One linearised weighted least-squares problem: its step, its covariance, its qua
 
 With residual r, weights W (Gramian times trust), map slopes J and pixel blur S, the estimating
 equation is `Jᵀ W r = 0` and its slope `Jᵀ W S J`. For white pixel noise that is maximum
-likelihood; the sandwich `A⁻¹ B A⁻¹` with the gradients' spread B over blocks of road holds
-whatever the residuals are.
+likelihood. Where a cell errs with the map and not with the pixels, instruments Z stand in for J:
+`Zᵀ W r = 0`, with slope `Zᵀ W S J`. Z are the slopes of a blurred map, since between the centres
+of its cells a map tells where an edge is on the whole, but not its shape, and what a sharp slope
+makes of the shape draws all edges along the map's rows the same way. The sandwich `A⁻¹ B A⁻¹`
+with the gradients' spread B over blocks of road holds whatever the residuals are.
 
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 import math
@@ -38,9 +42,11 @@ class Problem:
     Attributes
     ----------
     instruments : (p, n) float32
-        Slopes of the unblurred map for each unknown.
+        Z, for each unknown.
     slopes : (p, n) float32
-        The same behind the pixel blur.
+        S J: slopes of the map behind the pixel blur.
+    exact : callable
+        Returns J (p, n): slopes of the map as it is.
     scales : (p,) float64
         What the slopes are in grey levels of the view.
     residual : (n,) float32
@@ -66,6 +72,7 @@ class Problem:
 
     instruments: Floats
     slopes: Floats
+    exact: Callable[[], Floats]
     scales: Floats
     residual: Floats
     weights: Floats
@@ -80,11 +87,11 @@ class Problem:
 
     @cached_property
     def information(self) -> Floats:
-        """`Jᵀ W S J` plus the prior, (p, p): the Gauss-Newton matrix."""
-        return self._normal(self.weights)
+        """`Zᵀ W S J` plus the prior, (p, p): the Gauss-Newton matrix."""
+        return self._normal(self.instruments, self.weights)
 
-    def _normal(self, weights: Floats) -> Floats:
-        matrix = ((self.instruments * weights) @ self.slopes.T).astype(np.float64)
+    def _normal(self, instruments: Floats, weights: Floats) -> Floats:
+        matrix = ((instruments * weights) @ self.slopes.T).astype(np.float64)
         matrix = 0.5 * (matrix + matrix.T) * np.outer(self.scales, self.scales)
         ridge = 1e-9 * np.diag(matrix) + 1e-12
         ridge[:GEOMETRY] += 1.0 / WIDEST**2
@@ -107,7 +114,7 @@ class Problem:
         """
         pulls = self.instruments * (self.weights * self.residual)
         scores = blocks.sums(pulls).T * self.scales
-        slope = self._normal(self.curvature)
+        slope = self._normal(self.instruments, self.curvature)
         count = int(np.count_nonzero(np.abs(scores).sum(axis=1)))
         spread = scores.T @ scores * (count / max(count - len(slope), 1))
         spread += np.diag(self.scale_sq**2 * self.prior)
@@ -138,7 +145,7 @@ class Problem:
 
     def fisher(self) -> Floats:
         """Return the covariance (3, 3) of the geometry for independent pixel noise."""
-        inverse = np.linalg.inv(self._normal(self.all_weights))
+        inverse = np.linalg.inv(self._normal(self.exact(), self.all_weights))
         return self.scale_sq * inverse[:GEOMETRY, :GEOMETRY]
 
     def mean_square(self) -> float:

@@ -200,8 +200,7 @@ class Localizer:
     def _weigh(self, view: View, image: Grey) -> Floats:
         score = self.parameters.score
         noise = score.pixel_noise or estimate_pixel_noise(image)
-        gain = self._optics_now.gain if self._normalized else 1.0
-        weight = gramian(view.footprint, pixel_noise=noise, map_noise=score.map_noise * gain)
+        weight = gramian(view.footprint, pixel_noise=noise, map_noise=self._map_noise)
         if score.metric.startswith('euclidean'):
             return view.valid * weight[view.valid].mean()
         return weight
@@ -213,7 +212,7 @@ class Localizer:
             self.standing.searched(stamp_ns)
             return global_search(
                 match.view, match.weight, self._crops, stamp_ns, self.parameters,
-                refiner=self._optics_now.refiner,
+                refiner=self._optics_now.refiner, map_noise=self._map_noise,
             )
         if self.standing.confirmed:
             near = self._search_about(match, prior, followed(prior, self.parameters))
@@ -226,7 +225,14 @@ class Localizer:
         return search_window(
             match.view, match.weight, self._crops, prior, extent,
             refiner=self._optics_now.refiner, normalized=self._normalized,
+            map_noise=self._map_noise,
         )
+
+    @property
+    def _map_noise(self) -> float:
+        """Standard deviation of the map in the view's grey levels."""
+        gain = self._optics_now.gain if self._normalized else 1.0
+        return self.parameters.score.map_noise * gain
 
     @property
     def _normalized(self) -> bool:

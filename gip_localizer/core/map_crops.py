@@ -40,6 +40,7 @@ class Crop:
     def __init__(self, part: RasterMap) -> None:
         self.part = part
         self._smoothed: dict[float, RasterMap] = {}
+        self._calm: dict[float, tuple[Floats, Floats]] = {}
 
     def for_cells(self, resolution: float) -> RasterMap:
         """Return the part smoothed for cells of a side (m), on half cells where that helps."""
@@ -49,6 +50,13 @@ class Crop:
                 smoothed = smoothed.doubled()
             self._smoothed[resolution] = smoothed
         return self._smoothed[resolution]
+
+    def calm_slopes(self, resolution: float) -> tuple[Floats, Floats]:
+        """Slopes of `for_cells`, blurred by a cell of the part (`RasterMap.blurred_slopes`)."""
+        if resolution not in self._calm:
+            smoothed = self.for_cells(resolution)
+            self._calm[resolution] = smoothed.blurred_slopes(self.part.resolution)
+        return self._calm[resolution]
 
 
 class MapCrops:

@@ -24,6 +24,7 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.core.sampling import corners, Samples
 from gip_localizer.errors import MapError
 
+SLOPE_RIGHT = np.array([[-0.5, 0.5], [-0.5, 0.5]], np.float32)
 QUARTER = np.array([-3.0, 29.0, 111.0, -9.0, 0.0], np.float32) / 128.0
 """Cubic convolution a quarter of a cell before the middle one of five."""
 Box = tuple[int, int, int, int]
@@ -202,6 +203,31 @@ class RasterMap:
         values, valid = _smoothed(self.grey, self.valid, cell / self.resolution)
         return RasterMap(values, self.resolution, self.origin, valid)
 
+    def blurred_slopes(self, sigma: float) -> tuple[Floats, Floats]:
+        """
+        Slopes of the map behind a Gaussian, in the middle of each cell and the next ones.
+
+        Parameters
+        ----------
+        sigma : float
+            Metres.
+
+        Returns
+        -------
+        (rows, cols) float32
+            Down the rows, per cell; of a float32 map.
+        (rows, cols) float32
+            Right along the columns.
+
+        """
+        values, _ = _blurred(self.grey, self.valid, sigma / self.resolution)
+        down, right = (
+            cv2.filter2D(values, cv2.CV_32F, kernel, anchor=(0, 0),
+                         borderType=cv2.BORDER_REPLICATE)
+            for kernel in (np.ascontiguousarray(SLOPE_RIGHT.T), SLOPE_RIGHT)
+        )
+        return np.asarray(down), np.asarray(right)
+
     def doubled(self) -> RasterMap:
         """
         Return the map (float32) on cells of half the side, by cubic convolution.
@@ -284,7 +310,11 @@ def _smoothed(values: Floats, valid: Bools | None, ratio: float) -> tuple[Floats
     """Smooth so that bilinear sampling has the second moment of a box of `ratio` cells."""
     if ratio <= 1.05:
         return values, valid
-    sigma = math.sqrt((ratio**2 - 1.0) / 12.0)
+    return _blurred(values, valid, math.sqrt((ratio**2 - 1.0) / 12.0))
+
+
+def _blurred(values: Floats, valid: Bools | None, sigma: float) -> tuple[Floats, Bools | None]:
+    """Blur known cells by a Gaussian, in cells."""
     if valid is None:
         return cv2.GaussianBlur(values, (0, 0), sigma).astype(np.float32), None
     share = cv2.GaussianBlur(valid.astype(np.float32), (0, 0), sigma)

@@ -32,7 +32,7 @@ LOCAL_SIGMA = 1.0  # m: the local searches hardly use the coarse pose as a prior
 
 def global_search(
     view: View, weight: Floats, crops: MapCrops, stamp_ns: int, parameters: Parameters,
-    *, refiner: Refiner,
+    *, refiner: Refiner, map_noise: float,
 ) -> Found | None:
     """
     Find the view anywhere on the map, at any heading.
@@ -52,7 +52,7 @@ def global_search(
             view, weight, crops, Belief(stamp_ns, place.pose, covariance),
             Extent(1.5 * place.step, 1.5 * place.step, 1.2 * parameters.recovery.yaw_step,
                    parameters.search.yaw_step, parameters.score.min_overlap),
-            refiner=refiner, normalized=normalized,
+            refiner=refiner, normalized=normalized, map_noise=map_noise,
         )
         for place in places
     ]

@@ -74,7 +74,9 @@ class Refiner:
         self._unknowns = _unknowns(camera_motion, normalized=normalized, robust=robust)
         self._stages = make_stages(rectifier)
 
-    def layers(self, view: View, weight: Floats, crop: Crop) -> list[Layer]:
+    def layers(
+        self, view: View, weight: Floats, crop: Crop, map_noise: float = 0.0
+    ) -> list[Layer]:
         """
         Lay a frame out for the stages, once for all starts.
 
@@ -86,14 +88,20 @@ class Refiner:
             The Gramian's diagonal.
         crop : Crop
             Of the map; covers the view about all starts.
+        map_noise : float
+            Standard deviation of the map in the view's grey levels, as in the Gramian.
 
         """
         layers = []
         for stage in self._stages:
             joined, weights = coarsened(view, weight, stage.factor)
+            weighed = weights.ravel()[stage.index]
+            calm = stage.factor == 1 and map_noise > 0.0
             layers.append(Layer(
-                stage, joined.patch.ravel()[stage.index], weights.ravel()[stage.index],
+                stage, joined.patch.ravel()[stage.index], weighed,
                 crop.for_cells(stage.resolution),
+                crop.calm_slopes(stage.resolution) if calm else None,
+                np.maximum(np.float32(1.0) - weighed * np.float32(map_noise**2), 0.0),
             ))
         return layers
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gip_localizer.core.arrays import Bools, Floats, Grey
+from gip_localizer.core.arrays import Bools, Floats, Grey, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +20,8 @@ class Corners:
 
     Attributes
     ----------
+    index : (n,) int
+        The upper left one, in the flattened grid.
     a, b, c, d : (n,) float32
         Upper left, upper right, lower left, lower right.
     down, right : (n,) float32
@@ -29,6 +31,7 @@ class Corners:
 
     """
 
+    index: Ints
     a: Floats
     b: Floats
     c: Floats
@@ -78,7 +81,22 @@ class Samples:
 
     def slopes(self) -> tuple[Floats, Floats]:
         """Slopes (n,) float32 along x and y of the frame, per metre; 0 where not valid."""
-        down, right = self._found.slopes()
+        return self._along_frame(*self._found.slopes())
+
+    def slopes_of(self, down: Floats, right: Floats) -> tuple[Floats, Floats]:
+        """
+        Slopes (n,) float32 of another grid of the same cells, as `slopes` gives them.
+
+        Parameters
+        ----------
+        down, right : (rows, cols) float32
+            Slopes per cell in the middle of each cell and its neighbours below and right.
+
+        """
+        index = self._found.index
+        return self._along_frame(down.reshape(-1).take(index), right.reshape(-1).take(index))
+
+    def _along_frame(self, down: Floats, right: Floats) -> tuple[Floats, Floats]:
         scale = self._scale * np.float32(1.0 / self._resolution)
         cos, sin = np.float32(math.cos(self._yaw)), np.float32(math.sin(self._yaw))
         return (cos * right - sin * down) * scale, (-sin * right - cos * down) * scale
@@ -115,7 +133,7 @@ def corners(grey: Grey, known: Bools | None, row: Floats, col: Floats) -> Corner
         holds = known.reshape(-1)
         data = np.logical_and.reduce([holds[shift:].take(index) for shift in steps])
         valid = data if valid is None else data & valid
-    return Corners(a, b, c, d, down, right, valid)
+    return Corners(index, a, b, c, d, down, right, valid)
 
 
 def _inside(

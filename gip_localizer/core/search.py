@@ -72,7 +72,7 @@ def coarse_factor(resolution: float, cell: float) -> int:
 
 def search_window(
     view: View, weight: Floats, crops: MapCrops, prior: Belief, extent: Extent, *,
-    refiner: Refiner, normalized: bool,
+    refiner: Refiner, normalized: bool, map_noise: float,
 ) -> Found | None:
     """
     Find the best poses in a window about a prior.
@@ -91,6 +91,8 @@ def search_window(
         For the view's calibration.
     normalized : bool
         Whether gain and offset are profiled out.
+    map_noise : float
+        Standard deviation of the map in the view's grey levels, as in the Gramian.
 
     Returns
     -------
@@ -101,7 +103,7 @@ def search_window(
     fine = crops.about(view.grid, prior.pose, extent, view.grid.resolution)
     if fine is None:
         return None
-    layers = refiner.layers(view, weight, fine)
+    layers = refiner.layers(view, weight, fine, map_noise)
     scored = partial(_scored, view, weight, crops, prior, extent, refiner.camera, normalized)
     quickly = partial(refiner.refine, layers[1:]) if extent.near and len(layers) > 2 else None
     window = _Window(scored, partial(refiner.refine, layers), quickly)
