@@ -104,6 +104,8 @@ class Layer:
         Grey and Gramian.
     raster_map : RasterMap
         What the cells are compared with.
+    locking : float
+        What sampling between its cell centres may shift a pose by, m.
     calm_slopes : ((rows, cols) float32, (rows, cols) float32) or None
         `RasterMap.blurred_slopes` of it, for cells that err with the map; None: not used.
     pixel_share : (n,) float32
@@ -115,6 +117,7 @@ class Layer:
     values: Floats
     weights: Floats
     raster_map: RasterMap
+    locking: float
     calm_slopes: tuple[Floats, Floats] | None
     pixel_share: Floats
 

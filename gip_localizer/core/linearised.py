@@ -31,6 +31,7 @@ DAMPING = np.array([1.0, 1.0, 25.0])  # 1/m², 1/m², 1/rad²: no step along wha
 WIDEST = np.array([30.0, 30.0, 3.0])  # m, m, rad: what is known of any pose near its start
 MOST_OVERDISPERSION = 1e3  # also told where nothing can be
 SINGULAR = 1e-9  # least eigenvalue of an information matrix scaled to a unit diagonal
+SMALL_SAMPLE = 1.0  # blocks that the smallness of a sample takes off their effective number
 LEAST_SPREAD = 0.05  # of the noise model's standard deviations: residuals may be small by chance
 
 
@@ -121,7 +122,7 @@ class Problem:
         inverse = np.linalg.inv(slope)
         found = (inverse @ spread @ inverse)[:GEOMETRY, :GEOMETRY]
         few = _effective((scores @ inverse)[:, :GEOMETRY], found)
-        found *= few / max(few - GEOMETRY, 1.0)
+        found *= few / max(few - SMALL_SAMPLE, 1.0)
         return np.asarray(found + LEAST_SPREAD**2 * self.expected)
 
     @cached_property

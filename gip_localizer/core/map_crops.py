@@ -23,6 +23,7 @@ from gip_localizer.core.windows import Extent
 SNAP = 1.6  # m
 KEPT = 4
 BEYOND = 0.5  # m beyond the window, for the refinement's way
+LOCKING = (0.0037, 0.0012)  # of a cell: what sampling may shift a pose by; on half cells
 DOUBLED = (0.75, 2.0)  # sides of compared cells, in the map's, that meet a map of half its cells
 
 
@@ -46,10 +47,18 @@ class Crop:
         """Return the part smoothed for cells of a side (m), on half cells where that helps."""
         if resolution not in self._smoothed:
             smoothed = self.part.smoothed(resolution)
-            if DOUBLED[0] <= resolution / self.part.resolution < DOUBLED[1]:
+            if self._is_doubled(resolution):
                 smoothed = smoothed.doubled()
             self._smoothed[resolution] = smoothed
         return self._smoothed[resolution]
+
+    def locking(self, resolution: float) -> float:
+        """What sampling `for_cells` between its cell centres may shift a pose by, m."""
+        share = LOCKING[self._is_doubled(resolution)]
+        return share * self.for_cells(resolution).resolution
+
+    def _is_doubled(self, resolution: float) -> bool:
+        return DOUBLED[0] <= resolution / self.part.resolution < DOUBLED[1]
 
     def calm_slopes(self, resolution: float) -> tuple[Floats, Floats]:
         """Slopes of `for_cells`, blurred by a cell of the part (`RasterMap.blurred_slopes`)."""

@@ -32,8 +32,8 @@ from gip_localizer.core.stages import make_stages
 from gip_localizer.parameters import CameraMotion
 
 MAX_DRIFT = 1.0  # m from the start
-LOCKING = 0.0037  # of a map cell: what sampling between cell centres may still shift a pose
-STAGE_SHARE = 0.02  # of the squared change since the coarser stage that counts as variance
+STAGE_SHARE = 0.01  # of the squared change since the coarser stage that counts as variance, ...
+MOST_CHANGE = 0.2  # ... up to this, in cells of the map that is met: more is the way there
 PITCH_BASIN = 0.005  # rad: pitch from which the first stage still finds its way
 
 
@@ -99,7 +99,7 @@ class Refiner:
             calm = stage.factor == 1 and map_noise > 0.0
             layers.append(Layer(
                 stage, joined.patch.ravel()[stage.index], weighed,
-                crop.for_cells(stage.resolution),
+                crop.for_cells(stage.resolution), crop.locking(stage.resolution),
                 crop.calm_slopes(stage.resolution) if calm else None,
                 np.maximum(np.float32(1.0) - weighed * np.float32(map_noise**2), 0.0),
             ))
@@ -133,7 +133,7 @@ class Refiner:
                 state.shading = descent.shaded(problem)
         drift = math.hypot(state.pose.x - start.x, state.pose.y - start.y)
         spread = problem.sandwich(self._stages[-1].blocks)
-        covariance = spread + _beyond(coarser, state.pose, layers[-1].raster_map.resolution)
+        covariance = spread + _beyond(coarser, state.pose, layers[-1])
         converged = (
             drift < MAX_DRIFT and _is_covariance(covariance) and settled(state.step, covariance)
         )
@@ -151,10 +151,12 @@ def _unknowns(camera_motion: CameraMotion, *, normalized: bool, robust: bool) ->
     return Unknowns(moving, prior, normalized, robust)
 
 
-def _beyond(coarser: Pose2, pose: Pose2, cell: float) -> Floats:
+def _beyond(coarser: Pose2, pose: Pose2, layer: Layer) -> Floats:
     """Covariance (3, 3) of what residuals do not tell: sampling, and what the stages disagree."""
-    locking = LOCKING * cell
+    locking = layer.locking
     change = difference(coarser.inverse() @ pose, Pose2(0.0, 0.0, 0.0))
+    most = MOST_CHANGE * layer.raster_map.resolution
+    change = change / max(np.hypot(change[0], change[1]) / most, 1.0)
     floor = np.diag([locking**2, locking**2, (0.2 * locking) ** 2])
     return np.asarray(floor + STAGE_SHARE * np.outer(change, change))
 

@@ -38,7 +38,7 @@ from gip_localizer.core.windows import Extent
 
 PEAKS = 3  # of each score surface that are looked at
 PLAIN_WINNER = 1.0  # merit of a fit beside which no other mode needs a look, ...
-PLAIN_DISPERSION = 3.0  # ... unless the parts of the view contradict each other more than this
+PLAIN_DISPERSION = 2.2  # ... unless the parts of the view contradict each other more than this
 ASIDE = (-0.2, 0.2)  # m ahead: starts beside a fit that is good but contradicts itself
 CALM = (0.002, 0.5)  # rad, merit: a fit that has turned less and is better, cars or not, is level
 HOPELESS = -40.0  # log posterior below the winner's at which a mode is not refined

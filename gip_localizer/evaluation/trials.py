@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
 
@@ -179,29 +179,3 @@ def compared(estimate: Estimate, truth: Pose2) -> Trial:
         str(estimate.status), error, raw, covariance, fit.fisher if fit else None,
         estimate.quality, sum(estimate.timings_ms.values()),
     )
-
-
-def run_trials(
-    setup: Setup, indices: range, *, seed: int, spread: Spread | None = None,
-    overrides: Mapping[str, Value] | None = None,
-) -> Iterator[Trial]:
-    """
-    Yield one trial per index; any range of indices gives the same trials.
-
-    Parameters
-    ----------
-    setup : Setup
-        What is rendered.
-    indices : range
-        Numbers of the trials.
-    seed : int
-        Of the world, places, starts and noise.
-    spread : Spread, optional
-        Of the starts.
-    overrides : dict, optional
-        Parameters of the localizer on top of the setup's.
-
-    """
-    bench = Bench(setup, seed, overrides or {})
-    for index in indices:
-        yield bench.trial(index, spread or Spread())

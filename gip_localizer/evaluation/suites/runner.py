@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import as_completed, Future, ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
 import multiprocessing
 import signal
 
@@ -25,12 +24,14 @@ SUITES: dict[str, Suite] = {
     suite.name: suite
     for suite in (SingleFrame(), Integrity(), WideStart(), CramerRao(), Relocalize(), Lane())
 }
-CHUNK = 10  # trials of a job
+FRAMES_OF_A_WORLD = 10  # trials of a job: frames of one world share its worst places
+SEEDS_APART = 104_729
+MOST_SEED = 2**31
 
 
 @dataclass(frozen=True)
 class Job:
-    """Some trials of one part."""
+    """Some trials of one part, all in one world; `seed` is the world's."""
 
     suite: str
     part: str
@@ -46,24 +47,25 @@ def jobs(
     """Return the jobs of some suites, part by part."""
     fixed = tuple(sorted(overrides.items()))
     return [
-        Job(name, part, first, min(CHUNK, count - first), seed, fixed)
+        Job(name, part, first, min(FRAMES_OF_A_WORLD, count - first), _world(seed, first), fixed)
         for name in suites for part in SUITES[name].setups
         for count in [SUITES[name].count(part, frames)]
-        for first in range(0, count, CHUNK)
+        for first in range(0, count, FRAMES_OF_A_WORLD)
     ]
 
 
-@lru_cache(maxsize=1)
-def _bench(suite: str, part: str, seed: int, overrides: tuple[tuple[str, Value], ...]) -> Bench:
-    return Bench(SUITES[suite].setups[part], seed, dict(overrides))
+def _world(seed: int, index: int) -> int:
+    """Seed of the world that a trial is in."""
+    return (seed + SEEDS_APART * (index // FRAMES_OF_A_WORLD)) % MOST_SEED
 
 
 def do(job: Job) -> list[Record]:
     """Do a job's trials."""
-    bench = _bench(job.suite, job.part, job.seed, job.overrides)
+    suite = SUITES[job.suite]
+    bench = Bench(suite.setups[job.part], job.seed, dict(job.overrides))
     return [
         record for index in range(job.first, job.first + job.count)
-        for record in SUITES[job.suite].run(bench, job.part, index)
+        for record in suite.run(bench, job.part, index)
     ]
 
 
