@@ -22,11 +22,12 @@ import numpy as np
 
 from gip_localizer.core.estimate import Match, Status
 from gip_localizer.core.fit import Fit
-from gip_localizer.core.pose import difference
+from gip_localizer.core.lattice import Lattice
+from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.posterior import independent_cells
 from gip_localizer.core.search import Found
 from gip_localizer.core.tracker import Belief
-from gip_localizer.parameters import Parameters
+from gip_localizer.parameters import CameraMotion, Parameters
 
 TIGHT_XY, TIGHT_YAW = 0.15, 0.03  # m, rad: standard deviations of a prior that may vouch
 CONFIDENCE_OFFSET = -1.35
@@ -41,6 +42,8 @@ DISTINCT, LEAST_DISTINCT = 0.05, 0.1  # second best's residual over the best's, 
 SIGNIFICANT = 20.0  # standard deviations of chance correlation, beyond which they tell no more
 MOST_OVERDISPERSION = 6.0  # from which the parts of the view contradict each other
 RIVAL_DISTANCE = 0.2  # m from the winner at which a match is at another place
+MOST_BEYOND = 0.05  # m outside the searched window, where nothing was compared with the match
+MOST_SWAY = 10.0  # of camera_motion's standard deviations, from which a match is made to fit
 MOST_RIVAL = 0.8  # likeness of a match at another place from which neither is believed
 
 
@@ -125,7 +128,9 @@ def judge(
     fit = found.fits[0]
     quality.update(_figures(found, fit, independent_cells(match.weight)))
     expected = prior is not None and _agrees(fit, prior)
-    status, reason = _decide(quality, fit, parameters, expected=expected)
+    status, reason = _decide(
+        quality, fit, found.scores.lattice, parameters, expected=expected
+    )
     return Verdict(status, reason, fit, quality)
 
 
@@ -180,7 +185,8 @@ def _figures(found: Found, fit: Fit, cells: float) -> dict[str, float]:
 
 
 def _decide(
-    quality: dict[str, float], fit: Fit, parameters: Parameters, *, expected: bool
+    quality: dict[str, float], fit: Fit, lattice: Lattice, parameters: Parameters, *,
+    expected: bool,
 ) -> tuple[Status, str]:
     limits = parameters.integrity
     name = 'min_confidence_tracking' if expected else 'min_confidence'
@@ -193,11 +199,9 @@ def _decide(
             f'(correlation of the view {quality["lattice_correlation"]:.2f}, '
             f'{fit.agreement:.0%} of the road agrees, overdispersion {fit.overdispersion:.1f})'
         )
-    if fit.overdispersion > MOST_OVERDISPERSION and not expected:
-        return Status.NO_MATCH, (
-            f'the parts of the view contradict each other: overdispersion '
-            f'{fit.overdispersion:.1f}, limit {MOST_OVERDISPERSION:g}'
-        )
+    oddity = None if expected else _oddity(fit, lattice, parameters.camera_motion)
+    if oddity:
+        return Status.NO_MATCH, oddity
     if fit.overlap < parameters.score.min_overlap:
         return Status.LOW_OVERLAP, (
             f'only {fit.overlap:.0%} of the view lies on known map cells'
@@ -219,3 +223,35 @@ def _decide(
             'integrity.max_sigma_xy or max_sigma_yaw'
         )
     return Status.TRACKING, f'confidence {quality["confidence"]:.2f}, sigma {sigma_xy:.4f} m'
+
+
+def _oddity(fit: Fit, lattice: Lattice, motion: CameraMotion) -> str | None:
+    """Say what speaks against a match that no earlier fix vouches for."""
+    if fit.overdispersion > MOST_OVERDISPERSION:
+        return (
+            f'the parts of the view contradict each other: overdispersion '
+            f'{fit.overdispersion:.1f}, limit {MOST_OVERDISPERSION:g}'
+        )
+    off = difference(lattice.anchor.inverse() @ fit.pose, Pose2(0.0, 0.0, 0.0))
+    beyond = max(abs(off[0]) - lattice.half[0] * lattice.step,
+                 abs(off[1]) - lattice.half[1] * lattice.step)
+    if beyond > MOST_BEYOND:
+        return (
+            f'the match lies {beyond:.2f} m outside the window that was searched: the prior is '
+            'off; give it a larger covariance, or widen search.x and search.y'
+        )
+    return _swayed_too_far(fit, motion)
+
+
+def _swayed_too_far(fit: Fit, motion: CameraMotion) -> str | None:
+    """Say so where the match needs the camera to stand far from its calibration."""
+    sigmas = {'sigma_pitch': motion.sigma_pitch, 'sigma_roll': motion.sigma_roll,
+              'sigma_height': motion.sigma_height}
+    for (name, sigma), moved in zip(sigmas.items(), fit.camera_motion, strict=True):
+        if sigma > 0.0 and abs(moved) > MOST_SWAY * sigma:
+            return (
+                f'the view fits the map only with the camera {moved:+.4f} off its calibrated '
+                f'{name.removeprefix("sigma_")}, {abs(moved) / sigma:.0f} times camera_motion.'
+                f'{name} {sigma:g}: a wrong place, or a calibration to be checked'
+            )
+    return None
