@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+import math
 import threading
 
 import numpy as np
@@ -29,6 +30,7 @@ Turn = Callable[[int, int, Floats], None]
 Sink = Callable[[range, Floats], None]
 """Takes yaws (indices) and their terms (n_terms, yaws, n_x, n_y), valid during the call only."""
 
+PATCH_CELLS = 600_000  # of the window under all translations, up to which they are copied
 PRODUCT_CANDIDATES = 200  # translations up to which matrix products beat transforms
 PRODUCT_YAWS = 32  # at once, which bounds the memory
 PRODUCT_PARTS = 2  # of the map rows, summed apart; fixed, so that bytes do not depend on cores
@@ -58,7 +60,9 @@ def correlate(
 
     """
     n_x, n_y = (1 + fields.shape[k + 1] - canvas[k] for k in (0, 1))
-    if not takes_transforms(n_x, n_y):
+    if n_x * n_y * math.prod(canvas) <= PATCH_CELLS:
+        by_patches(fields, terms, yaws, canvas=canvas, turn=turn, sink=sink)
+    elif not takes_transforms(n_x, n_y):
         for start in range(0, yaws, PRODUCT_YAWS):
             batch = range(start, min(start + PRODUCT_YAWS, yaws))
             by_products(fields, terms, batch, canvas=canvas, turn=turn, sink=sink)
@@ -149,6 +153,29 @@ def _desk(transform: Transform, templates: int, terms: int, size: tuple[int, int
     if desk.plane.nbytes <= KEPT_BYTES:
         _kept.key, _kept.desk = key, desk
     return desk
+
+
+def by_patches(
+    fields: Floats, terms: Sequence[Term], yaws: int, *, canvas: tuple[int, int],
+    turn: Turn, sink: Sink,
+) -> None:
+    """Correlate as `correlate` does, with the part of the window under each translation copied."""
+    n_x, n_y = 1 + fields.shape[1] - canvas[0], 1 + fields.shape[2] - canvas[1]
+    cells = math.prod(canvas)
+    patches = _room('patches', (len(fields), n_x, n_y, *canvas))
+    patches[...] = sliding_window_view(fields, canvas, axis=(1, 2))
+    flat = patches.reshape(len(fields), n_x * n_y, cells)
+    turned = _room('turned', (_templates(terms), *canvas))
+    sums = np.empty((len(terms), yaws, n_x * n_y), np.float32)
+    for yaw in range(yaws):
+        for template, room in enumerate(turned):
+            turn(yaw, template, room)
+        rows = turned.reshape(len(turned), cells)
+        for out, term in zip(sums[:, yaw], terms, strict=True):
+            out[...] = 0.0
+            for template, field in term:
+                out += flat[field] @ rows[template]
+    sink(range(yaws), sums.reshape(len(terms), yaws, n_x, n_y))
 
 
 def by_products(

@@ -10,7 +10,8 @@ the cells, and its step in heading to what moves the view's corner by about as m
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import lru_cache
 import math
 
 import cv2
@@ -19,7 +20,9 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.footprints import Grid
 from gip_localizer.core.lattice import Lattice, make_canvas, widened
+from gip_localizer.core.pose import Pose2
 
+ORIGIN = Pose2(0.0, 0.0, 0.0)
 CORNER_STEP = 0.75  # cells that the view's corner may move from one yaw to the next
 
 
@@ -56,29 +59,32 @@ class Level:
 
     def joined(self, factor: int) -> Level:
         """Return the level with factor x factor cells joined."""
-        grid, weight, values = _joined_view(self, factor)
-        stride = self._stride(factor)
-        yaws = self.lattice.yaws
-        middle = (len(yaws) // 2) % stride
-        half_x, half_y = (math.ceil(n / factor) for n in self.lattice.half)
-        lattice = replace(
-            self.lattice, step=self.lattice.step * factor, yaws=yaws[middle::stride],
-            half=(half_x, half_y),
+        own = self.lattice
+        plan = _plan(self.grid, own.step, own.half, own.yaws.tobytes(), own.pivot, factor)
+        lattice = Lattice(own.anchor, plan.step, plan.half, own.yaws[plan.yaws], own.pivot)
+        weight, values = self._joined_view(plan.grid, factor)
+        window, known = self._joined_window(plan.wide, factor)
+        return Level(
+            plan.grid, values, weight, lattice, plan.canvas, window, known,
+            plan.yaws.step * self.stride,
         )
-        canvas = make_canvas(grid, lattice)
-        window, known = self._joined_window(widened(canvas, lattice), factor)
-        return Level(grid, values, weight, lattice, canvas, window, known, stride * self.stride)
 
-    def _stride(self, factor: int) -> int:
-        """Yaws that may be left out where cells are `factor` times as large."""
-        yaws, grid = self.lattice.yaws, self.grid
-        if len(yaws) < 3:
-            return 1
-        middle = grid.far - 0.5 * grid.rows * grid.resolution
-        length = 0.5 * grid.rows * grid.resolution + abs(middle - self.lattice.pivot)
-        corner = math.hypot(length, 0.5 * grid.cols * grid.resolution)
-        step = CORNER_STEP * factor * grid.resolution / corner
-        return max(min(int(step / float(yaws[1] - yaws[0])), len(yaws) // 2), 1)
+    def _joined_view(self, larger: Grid, factor: int) -> tuple[Floats, Floats]:
+        """Summed weights, and means by weight."""
+        grid = self.grid
+        bottom, right = larger.rows * factor - grid.rows, larger.cols * factor - grid.cols
+        size = (larger.cols, larger.rows)
+
+        def joined(values: Floats) -> Floats:
+            padded = values
+            if bottom or right:
+                padded = cv2.copyMakeBorder(values, 0, bottom, 0, right, cv2.BORDER_CONSTANT)
+            mean = cv2.resize(padded, size, interpolation=cv2.INTER_AREA)
+            return np.asarray(mean * np.float32(factor * factor))
+
+        weight = joined(self.weight)
+        values = joined(self.weight * self.values)
+        return weight, values / np.maximum(weight, np.float32(1e-20))
 
     def _joined_window(self, wide: Grid, factor: int) -> tuple[Floats, Floats]:
         fine = widened(self.canvas, self.lattice)
@@ -105,18 +111,42 @@ class Level:
         return joined(self.window) / np.maximum(share, np.float32(0.5)) * known, known
 
 
-def _joined_view(level: Level, factor: int) -> tuple[Grid, Floats, Floats]:
-    """Grid, summed weights, and means by weight."""
-    grid = level.grid
-    rows, cols = math.ceil(grid.rows / factor), math.ceil(grid.cols / factor)
-    bottom, right = rows * factor - grid.rows, cols * factor - grid.cols
+@dataclass(frozen=True)
+class _Plan:
+    """Grids of joined cells, which are the same for every frame of a search."""
 
-    def joined(values: Floats) -> Floats:
-        padded = cv2.copyMakeBorder(values, 0, bottom, 0, right, cv2.BORDER_CONSTANT)
-        mean = cv2.resize(padded, (cols, rows), interpolation=cv2.INTER_AREA)
-        return np.asarray(mean * np.float32(factor * factor))
+    grid: Grid
+    canvas: Grid
+    wide: Grid
+    step: float
+    half: tuple[int, int]
+    yaws: slice
 
-    weight = joined(level.weight)
-    values = joined(level.weight * level.values) / np.maximum(weight, np.float32(1e-20))
-    larger = Grid(grid.far, grid.left, rows, cols, grid.resolution * factor)
-    return larger, weight, values
+
+@lru_cache(maxsize=32)
+def _plan(
+    grid: Grid, step: float, half: tuple[int, int], yaws: bytes, pivot: float, factor: int
+) -> _Plan:
+    """Plan the joining of a view's and a lattice's cells; yaws are float64."""
+    headings = np.frombuffer(yaws)
+    larger = Grid(
+        grid.far, grid.left, math.ceil(grid.rows / factor), math.ceil(grid.cols / factor),
+        grid.resolution * factor,
+    )
+    stride = _stride(grid, headings, pivot, factor)
+    kept = slice((len(headings) // 2) % stride, None, stride)
+    halves = (math.ceil(half[0] / factor), math.ceil(half[1] / factor))
+    lattice = Lattice(ORIGIN, step * factor, halves, headings[kept], pivot)
+    canvas = make_canvas(larger, lattice)
+    return _Plan(larger, canvas, widened(canvas, lattice), lattice.step, halves, kept)
+
+
+def _stride(grid: Grid, yaws: Floats, pivot: float, factor: int) -> int:
+    """Yaws that may be left out where cells are `factor` times as large."""
+    if len(yaws) < 3:
+        return 1
+    middle = grid.far - 0.5 * grid.rows * grid.resolution
+    length = 0.5 * grid.rows * grid.resolution + abs(middle - pivot)
+    corner = math.hypot(length, 0.5 * grid.cols * grid.resolution)
+    step = CORNER_STEP * factor * grid.resolution / corner
+    return max(min(int(step / float(yaws[1] - yaws[0])), len(yaws) // 2), 1)

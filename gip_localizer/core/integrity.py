@@ -128,9 +128,13 @@ def judge(
     fit = found.fits[0]
     quality.update(_figures(found, fit, independent_cells(match.weight)))
     expected = prior is not None and _agrees(fit, prior)
-    status, reason = _decide(
-        quality, fit, found.scores.lattice, parameters, expected=expected
-    )
+    oddity = None
+    if not expected:
+        oddity = _oddity(fit, found.scores.lattice, parameters.camera_motion)
+    if oddity:
+        quality['confidence'] = 0.0
+        return Verdict(Status.NO_MATCH, oddity, fit, quality)
+    status, reason = _decide(quality, fit, parameters, expected=expected)
     return Verdict(status, reason, fit, quality)
 
 
@@ -185,8 +189,7 @@ def _figures(found: Found, fit: Fit, cells: float) -> dict[str, float]:
 
 
 def _decide(
-    quality: dict[str, float], fit: Fit, lattice: Lattice, parameters: Parameters, *,
-    expected: bool,
+    quality: dict[str, float], fit: Fit, parameters: Parameters, *, expected: bool
 ) -> tuple[Status, str]:
     limits = parameters.integrity
     name = 'min_confidence_tracking' if expected else 'min_confidence'
@@ -199,9 +202,6 @@ def _decide(
             f'(correlation of the view {quality["lattice_correlation"]:.2f}, '
             f'{fit.agreement:.0%} of the road agrees, overdispersion {fit.overdispersion:.1f})'
         )
-    oddity = None if expected else _oddity(fit, lattice, parameters.camera_motion)
-    if oddity:
-        return Status.NO_MATCH, oddity
     if fit.overlap < parameters.score.min_overlap:
         return Status.LOW_OVERLAP, (
             f'only {fit.overlap:.0%} of the view lies on known map cells'

@@ -4,8 +4,7 @@
 Exact residuals of single candidates, for following a mode.
 
 A turned template laid out with the row length of a part of the window meets that part at any
-translation as one contiguous run, so that neighbours in y are one short correlation of long
-vectors.
+translation as one contiguous run, so that a sum of products is one product of long vectors.
 
 """
 
@@ -14,7 +13,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 from functools import lru_cache
-from itertools import groupby, product
+from itertools import product
 
 import cv2
 import numpy as np
@@ -100,15 +99,16 @@ class Probe:
         self._width = self._scorer.fields.shape[2]
         self._fields = self._scorer.fields.reshape(len(self._scorer.fields), -1)
         self._turned: dict[tuple[int, int], Floats] = {}
+        self._taken: list[Floats] = []
         self._sums = np.zeros((len(level.lattice.yaws), 2), np.float32)
         self._rooms = _rooms_of((canvas.rows, self._width), canvas.cols)
         self.known: dict[Index, float] = {}
 
     def close(self) -> None:
         """Give the arrays back for the next frame; what is known stays."""
-        for room in self._turned.values():
+        for room in self._taken:
             self._rooms.put(room)
-        self._turned = {}
+        self._taken, self._turned = [], {}
 
     def holds(self, index: Index) -> bool:
         """Tell whether a candidate's neighbours may be asked for, two steps away at most."""
@@ -142,16 +142,7 @@ class Probe:
         new = sorted(set(places).difference(self.known))
         if not new:
             return
-        groups = [(yaw, list(g)) for yaw, g in groupby(enumerate(new), lambda n: n[1][0])]
-        sums = np.empty((len(self._pairs), len(new)), np.float32)
-
-        def work(part: tuple[tuple[int, list[tuple[int, Index]]], int]) -> None:
-            (yaw, group), template = part
-            self._sum_up(self._turn(yaw, template), template, group, sums)
-
-        parts = list(product(groups, range(len(self._scorer.templates))))
-        for part in parts:
-            work(part)
+        sums = np.array([[self._sum(pair, place) for place in new] for pair in self._pairs])
         turned = self._sums[[place[0] for place in new]]
         residual = self._scorer.score(self._terms(sums), turned).residual
         self.known.update(zip(new, residual.tolist(), strict=True))
@@ -162,33 +153,29 @@ class Probe:
             sums[[row[pair] for pair in term]].sum(axis=0) for term in self._scorer.terms
         ])
 
-    def _sum_up(
-        self, turned: Floats, template: int, group: list[tuple[int, Index]], sums: Floats
-    ) -> None:
-        """Write the sums of candidates of one yaw that a template has a part in."""
-        rows = [n for n, (t, _) in enumerate(self._pairs) if t == template]
-        low_x, low_y = self._low
-        # neighbours in y, one after the other, have the same difference
-        for _, run in groupby(group, lambda n: (n[1][1], n[0] - n[1][2])):
-            (first, (_, x, y)), *others = run
-            more = len(others)
-            start = (x - low_x) * self._width + y - low_y
-            for row in rows:
-                field = self._fields[self._pairs[row][1]]
-                part = field[start : start + len(turned) + more]
-                sums[row, first : first + more + 1] = np.correlate(part, turned)
+    def _sum(self, pair: tuple[int, int], place: Index) -> np.float32:
+        """Sum of products of a template, turned, and a field, at a candidate."""
+        template, field = pair
+        yaw, x, y = place
+        turned = self._turned.get((yaw, template))
+        if turned is None:
+            turned = self._turn(yaw, template)
+        start = (x - self._low[0]) * self._width + y - self._low[1]
+        found: np.float32 = np.dot(self._fields[field, start : start + len(turned)], turned)
+        return found
 
     def _turn(self, yaw: int, template: int) -> Floats:
-        """Return a turned template, row by row, zero beyond the canvas; keep its sum."""
+        """Turn a template, row by row and zero beyond the canvas; keep it and its sum."""
         canvas = self._level.canvas
+        room = self._rooms.take()
+        self._taken.append(room)
+        turn_into(room[:, : canvas.cols], self._scorer.templates[template], self._affine(yaw))
+        if self._scorer.sums_needed(template):
+            self._sums[yaw, template] = cv2.sumElems(room)[0]
         length = (canvas.rows - 1) * self._width + canvas.cols
-        if (yaw, template) not in self._turned:
-            room = self._rooms.take()
-            self._turned[yaw, template] = room
-            turn_into(room[:, : canvas.cols], self._scorer.templates[template], self._affine(yaw))
-            if self._scorer.sums_needed(template):
-                self._sums[yaw, template] = cv2.sumElems(room)[0]
-        return self._turned[yaw, template].reshape(-1)[:length]
+        turned: Floats = room.reshape(-1)[:length]
+        self._turned[yaw, template] = turned
+        return turned
 
     def _affine(self, yaw: int) -> Floats:
         level = self._level

@@ -14,6 +14,7 @@ best of the joined cells does not stand out from the noise, all candidates are s
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 import math
 
@@ -35,6 +36,7 @@ CLIMBED = 4  # starts on the lattice's own cells
 SHALLOW = 0.004  # a neighbour within this share of the least residual: a valley
 LOOSER = 0.8  # joined cells at the edge of the known map may belong to either side
 MAX_CLIMB = 20  # rounds of the last climb
+SMALL_WINDOW = 1.5  # times the turned view: a window prepared once for all climbs
 REACH = 4  # translations about a start that are prepared for its climb
 DOUBT = 60.0  # log likelihood ratio, below which joined cells have been seen to hide the best
 MOST_IN_DOUBT = 5_000_000  # candidates that are all scored in doubt
@@ -139,18 +141,19 @@ def _climbs(
     level: Level, places: list[Index], normalized: bool, min_overlap: float
 ) -> dict[Index, float]:
     """Climb from each place on the level's own cells; return what was scored."""
-    known: dict[Index, float] = {}
+    make = partial(Probe, level, normalized=normalized, min_overlap=min_overlap)
+    probe = make() if level.window.size <= SMALL_WINDOW * math.prod(level.canvas.shape) else None
+    known: dict[Index, float] = probe.known if probe else {}
     for place in places:
-        if place in known:
-            continue
-        for _ in range(MAX_CLIMB):
-            probe = Probe(level, normalized=normalized, min_overlap=min_overlap, about=place,
-                          reach=REACH)
-            probe.known = known
-            place, done = _climb(probe, place)
-            probe.close()
-            if done:
-                break
+        done = place in known
+        while not done:
+            near = probe or make(about=place, reach=REACH)
+            near.known = known
+            place, done = _climb(near, place)
+            if near is not probe:
+                near.close()
+    if probe:
+        probe.close()
     return known
 
 
