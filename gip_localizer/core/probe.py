@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 from functools import lru_cache
-from itertools import product
+from itertools import groupby, product
 
 import cv2
 import numpy as np
@@ -142,7 +142,11 @@ class Probe:
         new = sorted(set(places).difference(self.known))
         if not new:
             return
-        sums = np.array([[self._sum(pair, place) for place in new] for pair in self._pairs])
+        sums = np.empty((len(self._pairs), len(new)), np.float32)
+        # neighbours in y, one after the other, have the same difference
+        for _, run in groupby(enumerate(new), lambda n: (n[1][:2], n[0] - n[1][2])):
+            (first, place), *others = run
+            self._sum_up(place, 1 + len(others), sums[:, first : first + len(others) + 1])
         turned = self._sums[[place[0] for place in new]]
         residual = self._scorer.score(self._terms(sums), turned).residual
         self.known.update(zip(new, residual.tolist(), strict=True))
@@ -153,16 +157,16 @@ class Probe:
             sums[[row[pair] for pair in term]].sum(axis=0) for term in self._scorer.terms
         ])
 
-    def _sum(self, pair: tuple[int, int], place: Index) -> np.float32:
-        """Sum of products of a template, turned, and a field, at a candidate."""
-        template, field = pair
+    def _sum_up(self, place: Index, count: int, sums: Floats) -> None:
+        """Write the sums (pairs, count) of so many candidates, the next in y after each other."""
         yaw, x, y = place
-        turned = self._turned.get((yaw, template))
-        if turned is None:
-            turned = self._turn(yaw, template)
         start = (x - self._low[0]) * self._width + y - self._low[1]
-        found: np.float32 = np.dot(self._fields[field, start : start + len(turned)], turned)
-        return found
+        for row, (template, field) in zip(sums, self._pairs, strict=True):
+            turned = self._turned.get((yaw, template))
+            if turned is None:
+                turned = self._turn(yaw, template)
+            part = self._fields[field, start : start + len(turned) + count - 1]
+            row[:] = np.correlate(part, turned)
 
     def _turn(self, yaw: int, template: int) -> Floats:
         """Turn a template, row by row and zero beyond the canvas; keep it and its sum."""

@@ -28,7 +28,7 @@ from gip_localizer.core.probe import Index, Probe
 from gip_localizer.core.scoring import Residuals, Scorer
 
 KEPT = (32, 16)  # modes kept of the whole window, and of each level below
-WITHIN = (0.35, 0.15, 0.35)  # over the best, as shares of its depth in the window; last: climbs
+WITHIN = (0.35, 0.15, 0.2)  # over the best, as shares of its depth in the window; last: climbs
 FEW = 200  # translations that are scored all rather than on larger cells
 LEAST_CELLS = 450  # of the view on the largest joined cells
 MOST_JOININGS = 4
@@ -106,7 +106,8 @@ def pyramid_winner(
     if len(levels) == 1:
         return exhaustive_winner(level, normalized=normalized, min_overlap=min_overlap)
     loose = LOOSER * min_overlap
-    modes, depth = _best_of_all(levels[0], normalized, loose, kept[0])
+    count = kept[0] if len(levels) > 2 else min(2 * CLIMBED, kept[0])
+    modes, depth = _best_of_all(levels[0], normalized, loose, count)
     for above, below in pairwise(levels[:-1]):
         probe = Probe(below, normalized=normalized, min_overlap=loose)
         probe.score(near for _, mode in modes for near in probe.box(_below(above, below, mode)))
