@@ -73,7 +73,7 @@ def _measure(suite: str, args: argparse.Namespace) -> tuple[list[Row], Any]:
             frames, judged = max(frames // 50, 2), max(judged // 20, 1)
         return searches.search_suite(suite, frames, judged, 1 if args.quick else 3)
     if suite == 'noise':
-        return [], searches.noise_details(20 if args.quick else 400)
+        return searches.noise_suite(20 if args.quick else 400)
     if suite == 'growth':
         return [], searches.growth_details()
     if suite == 'rectify':

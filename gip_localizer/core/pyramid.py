@@ -38,7 +38,7 @@ LOOSER = 0.8  # joined cells at the edge of the known map may belong to either s
 MAX_CLIMB = 20  # rounds of the last climb
 SMALL_WINDOW = 1.5  # times the turned view: a window prepared once for all climbs
 REACH = 4  # translations about a start that are prepared for its climb
-DOUBT = 60.0  # log likelihood ratio, below which joined cells have been seen to hide the best
+DOUBT = 500.0  # log likelihood ratio, below which joined cells have been seen to hide the best
 MOST_IN_DOUBT = 5_000_000  # candidates that are all scored in doubt
 CROWD = 4  # candidates looked at per mode kept
 

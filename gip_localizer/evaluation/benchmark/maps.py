@@ -50,7 +50,9 @@ def map_suite(rounds: int) -> tuple[list[Row], dict[str, Any]]:
             child(module, [str(path), '1'], store)  # the first start decodes the picture
             found.append({'side_m': side, **child(module, [str(path), str(rounds)], store)})
     rows = [
-        Row('map', f'{(each["side_m"] / 100) ** 2:.0f} ha at 10 cm', each['ms']) for each in found
+        Row('map', f'{(each["side_m"] / 100) ** 2:.0f} ha at 10 cm, '
+                   f'{each["rss_mib"]:.0f} MiB resident', each['ms'])
+        for each in found
     ]
     areas = [each['side_m'] ** 2 for each in found]
     return rows, {

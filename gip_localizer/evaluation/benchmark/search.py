@@ -35,7 +35,7 @@ Out = TypeVar('Out')
 
 GLOBAL_SIDE = 100.0
 GLOBAL_YAWS = 360
-NOISES = (8.0, 16.0)
+NOISES = (16.0, 32.0, 48.0)
 """Factors on the noise at which coarse to fine is held against scoring all."""
 WINDOWS = {'track': TRACK, 'acquire': ACQUIRE}
 Found = dict[str, Any]
@@ -88,13 +88,22 @@ def noise_suite(scene: Scene, frames: int) -> list[Found]:
     counts = []
     for noise in NOISES:
         rng = np.random.default_rng(2)
-        wrong = {'exhaustive': 0, 'coarse to fine': 0}
+        wrong = dict.fromkeys(SEARCHES, 0)
+        times: dict[str, list[float]] = {name: [] for name in SEARCHES}
+        same = 0
         for _ in range(frames):
             level, truth = scene.level(rng, TRACK, noise=noise)
+            found = []
             for name, search in SEARCHES.items():
-                off = np.abs(np.array(search(level).index) - truth)
-                wrong[name] += bool((off > 2.0).any())
-        counts.append({'noise': noise, 'frames': frames, **wrong})
+                spent, winner = timed(partial(search, level))
+                times[name].append(spent)
+                found.append(winner.index)
+                wrong[name] += bool((np.abs(np.array(winner.index) - truth) > 2.0).any())
+            same += found[0] == found[1]
+        counts.append({
+            'noise': noise, 'frames': frames, 'missed': wrong, 'same': same,
+            'ms': {name: median(spent) for name, spent in times.items()},
+        })
     return counts
 
 

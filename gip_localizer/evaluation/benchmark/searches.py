@@ -83,13 +83,24 @@ def _share(parts: list[Details], name: str, of: str) -> float | None:
     return sum(part['same'][name] for part in parts) / total if total else None
 
 
-def noise_details(frames: int) -> list[Details]:
+def noise_suite(frames: int) -> tuple[list[Row], list[Details]]:
     """Return how often each search misses the truth at low SNR, with 95 % intervals."""
     counts: list[Details] = child(MODULE, ['noise', str(frames), '0'], {})['noise']
     for count in counts:
-        for search in ('exhaustive', 'coarse to fine'):
-            count[f'{search}, 95 %'] = wilson(count[search], count['frames'])
-    return counts
+        count['missed_95_percent'] = {
+            search: wilson(missed, count['frames']) for search, missed in count['missed'].items()
+        }
+    return [_noise_row(count) for count in counts], counts
+
+
+def _noise_row(count: Details) -> Row:
+    missed = count['missed']
+    return beside(
+        'noise', f'track, {count["noise"]:g} times the noise: coarse to fine misses '
+        f'{missed["coarse to fine"]} of {count["frames"]}, exhaustive {missed["exhaustive"]}',
+        count['ms']['coarse to fine'], 'exhaustive', count['ms']['exhaustive'],
+        count['same'] / count['frames'],
+    )
 
 
 def wilson(hits: int, trials: int, z: float = 1.96) -> tuple[float, float]:
