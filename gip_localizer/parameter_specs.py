@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, MISSING
 import math
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
@@ -83,8 +84,10 @@ class Spec:
             Wrong type, not finite, out of range or not one of the choices.
 
         """
-        if self.type is float and type(value) is int:
-            value = float(value)
+        if self.type is float and _is_number(value, Real):
+            value = float(value)  # type: ignore[arg-type]
+        elif self.type is int and _is_number(value, Integral):
+            value = int(value)  # type: ignore[call-overload]
         wrong_type = type(value) is not self.type
         if wrong_type or not self._within(value):
             raise ParameterError(
@@ -102,6 +105,11 @@ class Spec:
                 and (self.high is None or value <= self.high)
             )
         return True
+
+
+def _is_number(value: object, kind: type) -> bool:
+    """Tell a number, NumPy's too, from a truth value."""
+    return isinstance(value, kind) and not isinstance(value, bool)
 
 
 def parameter(

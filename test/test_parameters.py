@@ -6,6 +6,7 @@ import math
 
 from hypothesis import given
 from hypothesis import strategies as st
+import numpy as np
 import pytest
 import yaml
 
@@ -92,6 +93,17 @@ def test_an_integer_is_a_number_but_not_the_other_way_round():
     assert isinstance(Parameters.from_dict({'search.x': 1}).search.x, float)
     with pytest.raises(ParameterError, match='an integer'):
         Parameters.from_dict({'integrity.lost_after': 5.0})
+
+
+def test_numbers_of_numpy_are_numbers():
+    found = Parameters.from_dict({
+        'camera.z': np.float64(1.25), 'search.x': np.float32(0.5),
+        'integrity.lost_after': np.int64(7),
+    })
+    assert [type(found.camera.z), type(found.search.x)] == [float, float]
+    assert type(found.integrity.lost_after) is int
+    with pytest.raises(ParameterError, match=r'camera\.z'):
+        Parameters.from_dict({'camera.z': np.float64('nan')})
 
 
 @pytest.mark.parametrize(('name', 'suggestion'), [
