@@ -42,6 +42,8 @@ class Blocks:
         self.order: Ints = np.argsort(block, kind='stable')
         sorted_blocks = block[self.order]
         self._starts = np.flatnonzero(np.diff(sorted_blocks, prepend=-1))
+        ends = [*self._starts[1:].tolist(), len(block)]
+        self._parts = [slice(a, b) for a, b in zip(self._starts.tolist(), ends, strict=True)]
         whole = larger[self.order]
         self._larger_starts = np.flatnonzero(np.diff(whole, prepend=-1))
         self._larger_counts = np.diff(np.append(self._larger_starts, len(whole)))
@@ -49,6 +51,10 @@ class Blocks:
     def sums(self, rows: Floats) -> Floats:
         """Sums (k, blocks) float64 of rows (k, n) over each block."""
         return np.add.reduceat(rows, self._starts, axis=1).astype(np.float64)
+
+    def products(self, left: Floats, right: Floats) -> Floats:
+        """Products (blocks, k, k) float64 of each block's columns of left and right (k, n)."""
+        return np.stack([left[:, part] @ right[:, part].T for part in self._parts], dtype=float)
 
     def larger_sums(self, rows: Floats) -> Floats:
         """Sums (k, larger blocks) float64 of rows (k, n) over each larger block."""

@@ -223,8 +223,16 @@ class Descent:
         offsets[3 : 3 + len(unknowns.moving)] = state.camera_motion[unknowns.moving]
         return Problem(
             *self._columns, unknowns.scales(gain), residual, trusted, curvature, known, predicted,
-            gain, offset, scale_sq, unknowns.prior, offsets,
+            gain, offset, scale_sq, max(scale_sq, self._telling_scale_sq(residual, trusted)),
+            unknowns.prior, offsets,
         )
+
+    def _telling_scale_sq(self, residual: Floats, weights: Floats) -> float:
+        """Mean of r² W over the cells, each as far as its slopes tell the pose."""
+        assert self._columns is not None
+        _, (ahead, left, *_), _ = self._columns
+        told = weights * (ahead**2 + left**2)
+        return float(told @ (weights * residual**2)) / max(float(told.sum()), 1e-20)
 
     def _without_edges(self, weights: Floats, residual: Floats, gain: float) -> Floats:
         """Weights less what the edges err by; found once."""

@@ -8,8 +8,8 @@ equation is `Jᵀ W r = 0` and its slope `Jᵀ W S J`. For white pixel noise tha
 likelihood. Where a cell errs with the map and not with the pixels, instruments Z stand in for J:
 `Zᵀ W r = 0`, with slope `Zᵀ W S J`. Z are the slopes of a blurred map, since between the centres
 of its cells a map tells where an edge is on the whole, but not its shape, and what a sharp slope
-makes of the shape draws all edges along the map's rows the same way. The sandwich `A⁻¹ B A⁻¹`
-with the gradients' spread B over blocks of road holds whatever the residuals are.
+makes of the shape draws all edges along the map's rows the same way. The spread of the estimates
+without one block of road each (the jackknife) holds whatever the residuals are.
 
 """
 
@@ -32,6 +32,7 @@ WIDEST = np.array([30.0, 30.0, 3.0])  # m, m, rad: what is known of any pose nea
 MOST_OVERDISPERSION = 1e3  # also told where nothing can be
 SINGULAR = 1e-9  # least eigenvalue of an information matrix scaled to a unit diagonal
 SMALL_SAMPLE = 1.0  # blocks that the smallness of a sample takes off their effective number
+MOST_LEVERAGE = 0.98  # share of a block's information that is left out with it
 LEAST_SPREAD = 0.05  # of the noise model's standard deviations: residuals may be small by chance
 
 
@@ -64,6 +65,9 @@ class Problem:
         a and b.
     scale_sq : float
         Mean squared normalised residual of the cells that agree.
+    telling_scale_sq : float
+        The same of the cells that tell the pose, each as far as it does, and no less: where only
+        edges do, flat road says nothing of how well they fit. The prior is weighed by it.
     prior : (p,) float64
         Information of the prior on each unknown, before scaling.
     prior_offset : (p,) float64
@@ -83,6 +87,7 @@ class Problem:
     gain: float
     offset: float
     scale_sq: float
+    telling_scale_sq: float
     prior: Floats
     prior_offset: Floats
 
@@ -96,34 +101,37 @@ class Problem:
         matrix = 0.5 * (matrix + matrix.T) * np.outer(self.scales, self.scales)
         ridge = 1e-9 * np.diag(matrix) + 1e-12
         ridge[:GEOMETRY] += 1.0 / WIDEST**2
-        return np.asarray(matrix + np.diag(self.scale_sq * self.prior + ridge))
+        return np.asarray(matrix + np.diag(self.telling_scale_sq * self.prior + ridge))
 
     def step(self, information: Floats) -> Floats:
         """Return the Gauss-Newton step (p,) with this matrix, or one near it."""
         gradient = self.scales * (self.instruments @ (self.weights * self.residual))
-        gradient -= self.scale_sq * self.prior * self.prior_offset
+        gradient -= self.telling_scale_sq * self.prior * self.prior_offset
         damped = information.copy()
         damped[range(GEOMETRY), range(GEOMETRY)] += self.scale_sq * DAMPING
         return np.asarray(np.linalg.solve(damped, gradient))
 
-    def sandwich(self, blocks: Blocks) -> Floats:
+    def jackknife(self, blocks: Blocks) -> Floats:
         """
-        Return the covariance (3, 3) of the geometry from the gradients' spread.
+        Return the covariance (3, 3) of the geometry: how far each block of road moves it.
+
+        Every block in turn is left out, which moves the estimate by `(A - A_b)⁻¹ g_b` with the
+        whole slope A, the block's own A_b and its gradient g_b. A block that decides alone has
+        residuals that are small whatever its error is; what is left without it tells.
 
         Never far below what the noise model expects, which is large along what nothing tells.
 
         """
-        pulls = self.instruments * (self.weights * self.residual)
-        scores = blocks.sums(pulls).T * self.scales
-        slope = self._normal(self.instruments, self.curvature)
-        count = int(np.count_nonzero(np.abs(scores).sum(axis=1)))
-        spread = scores.T @ scores * (count / max(count - len(slope), 1))
-        spread += np.diag(self.scale_sq**2 * self.prior)
-        inverse = np.linalg.inv(slope)
-        found = (inverse @ spread @ inverse)[:GEOMETRY, :GEOMETRY]
-        few = _effective((scores @ inverse)[:, :GEOMETRY], found)
-        found *= few / max(few - SMALL_SAMPLE, 1.0)
-        return np.asarray(found + LEAST_SPREAD**2 * self.expected)
+        pulls = blocks.sums(self.instruments * (self.weights * self.residual)).T * self.scales
+        whole = self._normal(self.instruments, self.curvature)
+        parts = blocks.products(self.instruments * self.curvature, self.slopes)
+        parts = 0.5 * (parts + parts.transpose(0, 2, 1)) * np.outer(self.scales, self.scales)
+        moved = np.linalg.solve(whole - MOST_LEVERAGE * parts, pulls[..., None])[:, :GEOMETRY, 0]
+        held = np.linalg.inv(whole)[:GEOMETRY]
+        spread = moved.T @ moved + (held * (self.telling_scale_sq**2 * self.prior)) @ held.T
+        few = _effective(moved, spread)
+        spread *= few / max(few - SMALL_SAMPLE, 1.0)
+        return np.asarray(spread + LEAST_SPREAD**2 * self.expected)
 
     @cached_property
     def expected(self) -> Floats:
@@ -172,19 +180,19 @@ class Problem:
         return float(weighted @ dv) / spread if spread > 1e-12 else 0.0
 
 
-def _effective(pulls: Floats, covariance: Floats) -> float:
+def _effective(moved: Floats, covariance: Floats) -> float:
     """
     Effective number of blocks behind a covariance: of a few, the spread is small by chance.
 
     Parameters
     ----------
-    pulls : (blocks, 3)
-        What each block moves the pose by.
+    moved : (blocks, 3)
+        How far each block moves the pose.
     covariance : (3, 3)
         Sum of their squares.
 
     """
-    shares = np.einsum('ij,ij->i', pulls @ np.linalg.pinv(covariance), pulls)
+    shares = np.einsum('ij,ij->i', moved @ np.linalg.pinv(covariance), moved)
     return float(shares.sum() ** 2 / max(float((shares**2).sum()), 1e-30))
 
 

@@ -32,7 +32,7 @@ from gip_localizer.core.stages import make_stages
 from gip_localizer.parameters import CameraMotion
 
 MAX_DRIFT = 1.0  # m from the start
-STAGE_SHARE = 0.01  # of the squared change since the coarser stage that counts as variance, ...
+STAGE_SHARE = 0.001  # of the squared change since the coarser stage that counts as variance, ...
 MOST_CHANGE = 0.2  # ... up to this, in cells of the map that is met: more is the way there
 PITCH_BASIN = 0.005  # rad: pitch from which the first stage still finds its way
 
@@ -132,7 +132,7 @@ class Refiner:
             if self._unknowns.normalized and layer is not layers[-1]:
                 state.shading = descent.shaded(problem)
         drift = math.hypot(state.pose.x - start.x, state.pose.y - start.y)
-        spread = problem.sandwich(self._stages[-1].blocks)
+        spread = problem.jackknife(self._stages[-1].blocks)
         covariance = spread + _beyond(coarser, state.pose, layers[-1])
         converged = (
             drift < MAX_DRIFT and _is_covariance(covariance) and settled(state.step, covariance)
