@@ -14,12 +14,13 @@ from gip_localizer.core.birdseye import View
 from gip_localizer.core.footprints import Grid
 from gip_localizer.core.levels import coarsened
 from gip_localizer.core.map_crops import MapCrops
-from gip_localizer.core.matching import Lattice, match
+from gip_localizer.core.matching import Lattice, match, Scores
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.posterior import best_peaks, independent_cells, with_unseen
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.refinement import Refiner
-from gip_localizer.core.search import coarse_factor, Found, search_window
+from gip_localizer.core.search import coarse_factor, Found, lattice_scores, search_window
+from gip_localizer.core.starts import RIVAL_SHARE
 from gip_localizer.core.tracker import Belief
 from gip_localizer.core.windows import Extent
 from gip_localizer.parameters import Parameters
@@ -37,6 +38,8 @@ def global_search(
     """
     Find the view anywhere on the map, at any heading.
 
+    Only places that look nearly as good on the lattice as the best are searched to the end.
+
     Returns
     -------
     Found or None
@@ -46,21 +49,34 @@ def global_search(
     """
     places = coarse_places(view, weight, crops.raster_map, parameters)
     normalized = parameters.score.metric.endswith('normalized')
+    extents = [
+        Extent(1.5 * place.step, 1.5 * place.step, 1.2 * parameters.recovery.yaw_step,
+               parameters.search.yaw_step, parameters.score.min_overlap)
+        for place in places
+    ]
+    likeness = [
+        _likeness(lattice_scores(view, weight, crops, place.pose, extent, normalized=normalized))
+        for place, extent in zip(places, extents, strict=True)
+    ]
     covariance = np.diag([LOCAL_SIGMA**2, LOCAL_SIGMA**2, 1.0])
     searches = [
         search_window(
-            view, weight, crops, Belief(stamp_ns, place.pose, covariance),
-            Extent(1.5 * place.step, 1.5 * place.step, 1.2 * parameters.recovery.yaw_step,
-                   parameters.search.yaw_step, parameters.score.min_overlap),
+            view, weight, crops, Belief(stamp_ns, place.pose, covariance), extent,
             refiner=refiner, normalized=normalized, map_noise=map_noise,
         )
-        for place in places
+        for place, extent, alike in zip(places, extents, likeness, strict=True)
+        if alike >= RIVAL_SHARE * max(likeness)
     ]
     found = [f for f in searches if f is not None and f.fits and f.surface is not None]
     if not found:
         return None
     found.sort(key=lambda f: -f.fits[0].merit)
     return _with_rivals(found, independent_cells(weight))
+
+
+def _likeness(scores: Scores) -> float:
+    """Best correlation of a window; 0 where nothing overlaps the map enough."""
+    return float(scores.correlation[np.isfinite(scores.residual)].max(initial=0.0))
 
 
 @dataclass(frozen=True)
