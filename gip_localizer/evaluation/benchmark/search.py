@@ -35,7 +35,7 @@ Out = TypeVar('Out')
 
 GLOBAL_SIDE = 100.0
 GLOBAL_YAWS = 360
-NOISES = (16.0, 32.0, 48.0)
+NOISES = (16.0, 48.0, 80.0)
 """Factors on the noise at which coarse to fine is held against scoring all."""
 WINDOWS = {'track': TRACK, 'acquire': ACQUIRE}
 Found = dict[str, Any]
