@@ -290,12 +290,15 @@ class Descent:
     ) -> Floats:
         """Slopes (p, n) for each unknown, of a map with slopes along x and y (n,)."""
         x, y = points
-        rows = [ahead, left, left * x - ahead * y]
-        for along_x, along_y in (self._stage.sway.tangents[k] for k in self._unknowns.moving):
-            rows.append(ahead * along_x + left * along_y)
+        rows = np.empty((len(self._unknowns.prior), len(grey)), np.float32)
+        rows[0], rows[1] = ahead, left
+        np.subtract(left * x, ahead * y, out=rows[2])
+        for row, moving in zip(rows[3:], self._unknowns.moving, strict=False):
+            along_x, along_y = self._stage.sway.tangents[moving]
+            np.add(ahead * along_x, left * along_y, out=row)
         if self._unknowns.normalized:
-            rows += [grey, np.ones_like(grey)]
-        return np.stack(rows)
+            rows[-2], rows[-1] = grey, 1.0
+        return rows
 
     def _agreed(self, predicted: Floats, weights: Floats) -> Floats:
         """Weights without the blocks that do not show the map; found once."""

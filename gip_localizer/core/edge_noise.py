@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gip_localizer.core.arrays import Floats
+from gip_localizer.core.arrays import Floats, median
 from gip_localizer.core.camera import CameraModel
 
 STEP = 1e-3  # m, of the differences
@@ -75,4 +75,4 @@ def edge_share(residual: Floats, weights: Floats, changes: Floats) -> float:
     if np.count_nonzero(telling) < OFTEN:
         return 0.0
     beyond = np.maximum(residual[telling] ** 2 - 1.0 / weights[telling], 0.0)
-    return min(float(np.median(beyond / changes[telling])) / CHI_SQ_MEDIAN, MOST_SHARE)
+    return min(median(beyond / changes[telling]) / CHI_SQ_MEDIAN, MOST_SHARE)

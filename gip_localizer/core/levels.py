@@ -16,7 +16,7 @@ import math
 import cv2
 import numpy as np
 
-from gip_localizer.core.arrays import Floats
+from gip_localizer.core.arrays import Floats, median
 from gip_localizer.core.birdseye import View
 from gip_localizer.core.footprints import Grid
 
@@ -80,5 +80,5 @@ def locally_centred(values: Floats, weight: Floats, resolution: float) -> Floats
     counted = np.abs(centred[known > 0.0])
     if counted.size == 0:
         return np.asarray(centred)
-    limit = np.float32(max(CLIP * float(np.median(counted)) / 0.6745, 1e-6))
+    limit = np.float32(max(CLIP * median(counted) / 0.6745, 1e-6))
     return np.asarray(np.clip(centred, -limit, limit))

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 import math
 
 from gip_localizer.core.matching import Scores
@@ -37,7 +38,7 @@ class Start:
     def correlation(self) -> float:
         return float(self.scores.correlation[self.index])
 
-    @property
+    @cached_property
     def pose(self) -> Pose2:
         return self.scores.lattice.pose(subcell_peak(self.surface, self.index))
 
