@@ -10,6 +10,8 @@ The one thread setting of BLAS, FFT and OpenCV.
   The setting is read when NumPy is loaded, so `ros` and `cli` make it before.
 - The FFTs get no threads of their own: there are always more yaws than cores.
 - OpenCV keeps its default; what is called here per yaw is too small for it to divide.
+- A process that shares the cores with others of its kind does all in one thread
+  (`use_one_thread`).
 
 """
 
@@ -37,6 +39,15 @@ WORKERS = max(1, min(2, _cores()))
 def use_one_blas_thread() -> None:
     """Set BLAS to one thread unless the user chose; call before NumPy is loaded."""
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
+
+def use_one_thread() -> None:
+    """Do all work in the calling thread, OpenCV's too, from now on; results stay the same."""
+    import cv2  # loads NumPy, which may come only after `use_one_blas_thread`
+
+    global WORKERS
+    WORKERS = 1
+    cv2.setNumThreads(1)
 
 
 def in_parallel(

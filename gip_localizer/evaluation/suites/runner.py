@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import multiprocessing
 import signal
 
+from gip_localizer.core.threads import use_one_thread
 from gip_localizer.evaluation.suites.cramer_rao import CramerRao
 from gip_localizer.evaluation.suites.integrity import Integrity
 from gip_localizer.evaluation.suites.lane import Lane
@@ -105,7 +106,7 @@ def _spread(
     found: dict[Job, list[Record]],
 ) -> None:
     context = multiprocessing.get_context('spawn')
-    pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_deaf)
+    pool = ProcessPoolExecutor(processes, mp_context=context, initializer=_settle)
     try:
         waiting: dict[Future[list[Record]], Job] = {pool.submit(do, job): job for job in work}
         for future in as_completed(waiting):
@@ -115,6 +116,7 @@ def _spread(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _deaf() -> None:
-    """Leave Ctrl-C to the parent."""
+def _settle() -> None:
+    """Take one core, and leave Ctrl-C to the parent."""
+    use_one_thread()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
