@@ -5,12 +5,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 import math
+
+import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.linearised import Problem
 from gip_localizer.core.pose import Pose2
 
+LEVER = 6.0  # m: where a turn and a shift of the view are compared
 MOST_CORRELATION = 0.9999  # beyond which fits are equally good
 
 
@@ -77,6 +81,36 @@ class Fit:
 
         """
         return self.problem.fisher()
+
+    def along_weakest(self, distance: float) -> Pose2:
+        """
+        Return the motion (in the axes of the pose) along which the view tells least.
+
+        Parameters
+        ----------
+        distance : float
+            Its length, metres; what a turn moves at `LEVER` counts.
+
+        """
+        _, directions = self._by_strength
+        ahead, left, turn = distance * directions[:, -1]
+        return Pose2(float(ahead), float(left), float(turn) / LEVER)
+
+    @property
+    def anisotropy(self) -> float:
+        """Standard deviation along what the view tells least, over that of what it tells most."""
+        variances, _ = self._by_strength
+        return math.sqrt(max(float(variances[-1]), 0.0) / max(float(variances[0]), 1e-30))
+
+    @cached_property
+    def _by_strength(self) -> tuple[Floats, Floats]:
+        """Variances (3,), least first, that the noise model expects, and their directions."""
+        scale = np.diag([1.0, 1.0, LEVER])
+        scaled = scale @ self.problem.expected @ scale
+        if not np.isfinite(scaled).all():
+            return np.zeros(3), np.eye(3)
+        variances, directions = np.linalg.eigh(scaled)
+        return variances, directions
 
     @property
     def evidence(self) -> float:

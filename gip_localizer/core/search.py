@@ -39,7 +39,8 @@ from gip_localizer.core.windows import Extent
 PEAKS = 3  # of each score surface that are looked at
 PLAIN_WINNER = 1.0  # merit of a fit beside which no other mode needs a look, ...
 PLAIN_DISPERSION = 2.2  # ... unless the parts of the view contradict each other more than this
-ASIDE = (-0.2, 0.2)  # m ahead: starts beside a fit that is good but contradicts itself
+ASIDE = (-0.2, 0.2)  # m along the weakest direction: starts beside a fit that ...
+VALLEY = 3.0  # ... lies in a valley (anisotropy), or is good but contradicts itself
 CALM = (0.002, 0.5)  # rad, merit: a fit that has turned less and is better, cars or not, is level
 HOPELESS = -40.0  # log posterior below the winner's at which a mode is not refined
 
@@ -169,19 +170,26 @@ class _Window:
         return _is_plain(fit) or (calm and fit.merit > CALM[1])
 
     def found(self) -> Found:
-        """Look beside a winner that contradicts itself, and at its rivals."""
+        """Look beside a winner that may be the wrong one of several, and at its rivals."""
         if not self._fits:
             return Found(self._scores[0], None, [])
         best = self._best()
-        if best.merit > PLAIN_WINNER and not _is_plain(best):
-            for ahead in ASIDE:
-                beside = best.pose @ Pose2(ahead, 0.0, 0.0)
+        if self._may_be_one_of_several(best):
+            for distance in ASIDE:
+                beside = best.pose @ best.along_weakest(distance)
                 self._fits[beside] = self._refined(beside)
             best = self._best()
         for start in rivals(self._starts, best.pose):
             self._fit(start)
         fits = sorted(self._fits.values(), key=lambda fit: -fit.merit)
         return Found(self._starts[0].scores, self._starts[0].surface, fits)
+
+    def _may_be_one_of_several(self, best: Fit) -> bool:
+        """Tell a fit in a valley, where no fix before says which hollow, or that contradicts."""
+        if best.merit <= PLAIN_WINNER:
+            return False
+        unsure = self._quickly is None and best.anisotropy > VALLEY
+        return unsure or not _is_plain(best)
 
     def _fit(self, start: Start) -> Fit:
         if start not in self._fits:
