@@ -211,6 +211,45 @@ def test_a_managed_node_goes_through_its_states(nodes, tester, map_file, render)
     assert_near(localized(tester, images, process), START)
 
 
+def test_a_managed_node_refuses_transitions_that_its_state_does_not_have(
+    nodes, tester, map_file
+):
+    process = nodes.start('localizer', parameters(map_file, {'lifecycle': True}))
+    for transition in (Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_CLEANUP, 99):
+        assert not change_state(tester, transition)
+        assert state(tester) == State.PRIMARY_STATE_UNCONFIGURED
+    assert change_state(tester, Transition.TRANSITION_CONFIGURE)
+    assert not change_state(tester, Transition.TRANSITION_CONFIGURE)
+    assert not change_state(tester, Transition.TRANSITION_DEACTIVATE)
+    assert state(tester) == State.PRIMARY_STATE_INACTIVE
+    assert process.poll() is None
+
+
+def test_enable_and_the_state_of_a_managed_node_do_not_overrule_each_other(
+    nodes, tester, map_file, render
+):
+    process = nodes.start('localizer', parameters(map_file, {'lifecycle': True}))
+    images = frames(render(START))
+
+    def silent():
+        heard = len(tester.poses)
+        for _ in range(8):
+            send(tester, next(images), process)
+        return len(tester.poses) == heard
+
+    assert change_state(tester, Transition.TRANSITION_CONFIGURE)
+    tester.until(tester.matched, 'the topics', alive=process)
+    assert 'not active' in tester.switch('/localizer/enable', True).message
+    assert silent()
+    tester.until(lambda: tester.said('output', 'until the node is activated'), 'the reason')
+    assert tester.switch('/localizer/enable', False).success
+    assert change_state(tester, Transition.TRANSITION_ACTIVATE)
+    assert silent()
+    tester.until(lambda: tester.said('output', '~/enable is called'), 'the other reason')
+    assert tester.switch('/localizer/enable', True).success
+    assert_near(localized(tester, images, process), START)
+
+
 def test_a_managed_node_with_a_bad_map_stays_unconfigured(nodes, tester, tmp_path):
     nodes.start('localizer', {'lifecycle': True, 'map_file': '/nowhere/map.yaml'})
     assert not change_state(tester, Transition.TRANSITION_CONFIGURE)

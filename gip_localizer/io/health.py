@@ -63,6 +63,8 @@ class Health:
         Figures that do not change, such as those of the map.
     simulated : bool
         The clock comes from /clock.
+    active : bool
+        False: frames are ignored, since the managed node is not active.
     enabled : bool
         False: frames are ignored on request.
     steady : callable
@@ -77,6 +79,7 @@ class Health:
     limits: Diagnostics
     fixed: Mapping[str, str] = field(default_factory=dict)
     simulated: bool = False
+    active: bool = True
     enabled: bool = True
     steady: Callable[[], float] = time.monotonic
     lasting: dict[str, str] = field(default_factory=dict)
@@ -194,8 +197,10 @@ class Health:
         return {}
 
     def _withheld(self, active: Mapping[str, str]) -> dict[str, str]:
+        if not self.active:
+            return {'DISABLED': 'images are ignored until the node is activated'}
         if not self.enabled:
-            return {'DISABLED': 'images are ignored'}
+            return {'DISABLED': 'images are ignored until ~/enable is called with data: true'}
         if 'NO_IMAGE' in active:
             return {'WITHHELD': f'NO_IMAGE: {active["NO_IMAGE"]}'}
         if self.estimate is None:

@@ -66,7 +66,7 @@ class Localization:
         self._parameters = parameters
         self._extrinsics: Extrinsics | None = None
         self._health = Health(
-            parameters.diagnostics, _map_figures(raster_map), enabled=active,
+            parameters.diagnostics, _map_figures(raster_map), active=active,
             simulated=bool(node.get_parameter('use_sim_time').value),
         )
         self._keeper = StateKeeper(
@@ -112,8 +112,8 @@ class Localization:
         self._frontend.configure(parameters)
 
     def switch(self, on: bool) -> None:
-        """Take images, or ignore them."""
-        self._health.enabled = on
+        """Take images unless ~/enable forbids it, or ignore them."""
+        self._health.active = on
         self._diagnostics.tell()
 
     def close(self) -> None:
@@ -123,7 +123,7 @@ class Localization:
     def _on_frame(self, localize: Localize, message: Any) -> None:
         stamp = stamp_ns(message.header)
         self._health.image_came(stamp, self._now_ns())
-        if not self._health.enabled:
+        if not (self._health.active and self._health.enabled):
             return
         started = time.perf_counter()
         self._inputs.take_waiting_odometry()
@@ -211,9 +211,12 @@ class Localization:
         return response
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self.switch(bool(request.data))
+        self._health.enabled = bool(request.data)
+        self._diagnostics.tell()
         response.success = True
         response.message = 'enabled' if request.data else 'disabled'
+        if not self._health.active:
+            response.message += '; the node is not active, and images are ignored until it is'
         return response
 
     def _now_ns(self) -> int:
