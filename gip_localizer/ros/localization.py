@@ -32,6 +32,7 @@ from gip_localizer.parameters import Parameters
 from gip_localizer.ros.diagnostics import Diagnostics
 from gip_localizer.ros.inputs import Inputs, Localize
 from gip_localizer.ros.outputs import Outputs
+from gip_localizer.ros.parameters import warn_of_unknown_qos
 from gip_localizer.ros.transforms import CameraFromTf, MapToOdom
 
 LOOK = 0.2
@@ -65,10 +66,7 @@ class Localization:
         self._frontend = Frontend(raster_map, parameters)
         self._parameters = parameters
         self._extrinsics: Extrinsics | None = None
-        self._health = Health(
-            parameters.diagnostics, _map_figures(raster_map), active=active,
-            simulated=bool(node.get_parameter('use_sim_time').value),
-        )
+        self._health = Health(parameters.diagnostics, _map_figures(raster_map), active=active)
         self._keeper = StateKeeper(
             self._frontend.localizer, partial(self._health.happened, 'STATE_REFUSED')
         )
@@ -88,6 +86,7 @@ class Localization:
         self._inputs = Inputs(node, self._frontend, self._on_frame, self._on_other)
         node.create_service(Trigger, '~/relocalize', self._on_relocalize)
         node.create_service(SetBool, '~/enable', self._on_enable)
+        warn_of_unknown_qos(node)
         self._looks = 0
         node.create_timer(LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         back = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
@@ -193,6 +192,7 @@ class Localization:
 
     def _look(self) -> None:
         """Notice silence soon; tell all once a second."""
+        self._health.simulated = bool(self._node.get_clock().ros_time_is_active)
         self._health.clock_shows(self._now_ns())
         self._health.hear(self._frontend.complaints, self._frontend.counts)
         self._looks += 1
