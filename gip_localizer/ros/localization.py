@@ -104,11 +104,7 @@ class Localization:
         """Take new parameters from the next frame on."""
         self._parameters = parameters
         self._health.limits = parameters.diagnostics
-        if self._extrinsics is not None:
-            parameters = parameters.replace({
-                f'camera.{name}': value for name, value in vars(self._extrinsics).items()
-            })
-        self._frontend.configure(parameters)
+        self._frontend.configure(_placed(parameters, self._extrinsics))
 
     def switch(self, on: bool) -> None:
         """Take images unless ~/enable forbids it, or ignore them."""
@@ -172,8 +168,8 @@ class Localization:
             self._tell_changes()
 
     def _place_camera(self, extrinsics: Extrinsics) -> None:
+        self._frontend.configure(_placed(self._parameters, extrinsics))
         self._extrinsics = extrinsics
-        self.configure(self._parameters)
         numbers = ', '.join(f'{name} {value:.4g}' for name, value in vars(extrinsics).items())
         self._node.get_logger().info(f'camera from TF: {numbers}')
 
@@ -221,6 +217,14 @@ class Localization:
 
     def _now_ns(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)
+
+
+def _placed(parameters: Parameters, extrinsics: Extrinsics | None) -> Parameters:
+    """Return the parameters with the camera where TF has it (raises ParameterError)."""
+    if extrinsics is None:
+        return parameters
+    numbers = vars(extrinsics).items()
+    return parameters.replace({f'camera.{name}': value for name, value in numbers})
 
 
 def _map_of(parameters: Parameters) -> RasterMap:
