@@ -44,6 +44,8 @@ def run_node(make: Callable[[], Node], name: str, args: Sequence[str] | None = N
     except RuntimeError as error:  # rcl's error: arguments or a parameter file it cannot read
         get_logger(name).fatal(str(error))
         return 1
+    except KeyboardInterrupt:
+        return 0
     node = None
     try:
         node = make()
