@@ -22,6 +22,8 @@ import yaml
 from gip_localizer.errors import ParameterError
 
 Value = bool | int | float | str
+OF_ANY_NODE = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
+"""What `ros2 param dump` writes beside the parameters of the tree."""
 Group = TypeVar('Group', bound='ParameterGroup')
 
 
@@ -226,7 +228,7 @@ def dump_ros_yaml(values: Mapping[str, Value], node: str = '/**') -> str:
 
 def load_ros_yaml(path: Path | str) -> dict[str, Value]:
     """
-    Read a ROS parameter file into dotted names.
+    Read a ROS parameter file into dotted names, but for those that every node has.
 
     Raises
     ------
@@ -249,7 +251,7 @@ def load_ros_yaml(path: Path | str) -> dict[str, Value]:
     values: dict[str, Value] = {}
     for section in found:
         values.update(_flatten(section, ''))
-    return values
+    return {name: value for name, value in values.items() if not name.startswith(OF_ANY_NODE)}
 
 
 def _flatten(tree: Mapping[str, Any], prefix: str) -> dict[str, Value]:

@@ -62,6 +62,12 @@ def generate_launch_description():
     rviz = Node(
         package='rviz2',
         executable='rviz2',
+        namespace=LaunchConfiguration('namespace'),
+        # The layout names the node's topics from the root.
+        remappings=[
+            *((f'/{topic}', LaunchConfiguration(topic)) for topic in TOPICS),
+            ('/localizer/overlay', 'localizer/overlay'),
+        ],
         arguments=['-d', str(CONFIG / 'localizer.rviz')],
         parameters=[{'use_sim_time': switches['use_sim_time']}],
         condition=IfCondition(LaunchConfiguration('rviz')),

@@ -47,7 +47,9 @@ def test_the_policy_allows_what_the_readme_lists():
     subscribed = {absolute(name) for name in readme_names('in')}
     published = {absolute(name) for name in readme_names('out')}
     assert allowed['topics', 'subscribe'] == subscribed | {'/tf_static', '/clock'}
-    assert allowed['topics', 'publish'] == published | {'/tf', '/rosout', '/parameter_events'}
+    assert allowed['topics', 'publish'] == published | {
+        '/tf', '/rosout', '/parameter_events', '/localizer/transition_event',
+    }
     served = {absolute(name) for name in readme_names('service')}
     assert served <= allowed['services', 'reply']
 

@@ -84,6 +84,20 @@ def test_a_silent_camera_is_an_error_and_withholds(health, steady):
     assert 'NO_IMAGE' not in rules(health)
 
 
+def test_what_is_not_heard_during_a_long_frame_is_not_taken_for_silence(health, steady):
+    health.simulated = True
+    health.clock_shows(SECOND)
+    health.image_came(2 * SECOND, 2 * SECOND)
+    steady.now += 5.0
+    health.took(GOOD, 5000.0)
+    assert rules(health) == set()
+    steady.now += 1.1
+    assert report(health, 'camera').message == (
+        'CLOCK_STANDS: for 1.1 s; is /clock published?; NO_IMAGE: for 1.1 s'
+    )
+    assert report(health, 'odometry').message == 'ODOMETRY_STALE: none for 1.1 s'
+
+
 @pytest.mark.parametrize(('delay_s', 'rule'), [
     (0.6, 'LATE_FRAMES'), (-0.2, 'FUTURE_STAMPS'), (0.4, None), (-0.05, None),
 ])  # fmt: skip

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
+import re
 import xml.etree.ElementTree as ElementTree
 
 import pytest
@@ -82,6 +83,20 @@ def test_every_topic_can_be_remapped():
     relative = {name for way in ('in', 'out') for name in readme_names(way)
                 if not name.startswith(('~', '/'))}
     assert topics == relative
+
+
+def test_rviz_looks_where_the_topics_of_the_node_are():
+    path = ROOT / 'launch' / 'localizer.launch.py'
+    [rviz] = [given for given, _ in calls(path, 'Node')
+              if ast.literal_eval(given['package']) == 'rviz2']
+    [(_, localizer)] = nodes(path)
+    assert ast.unparse(rviz['namespace']) == ast.unparse(localizer['namespace'])
+    rules = ast.unparse(rviz['remappings'])
+    assert "(f'/{topic}', LaunchConfiguration(topic)) for topic in TOPICS" in rules
+    topics = ast.literal_eval(literal(path, 'TOPICS'))
+    layout = (ROOT / 'config' / 'localizer.rviz').read_text()
+    for name in set(re.findall(r'Value: /(\S+)', layout)) - {'map_updates'}:
+        assert name in topics or f"('/{name}', '{name}')" in rules
 
 
 def test_the_package_depends_on_what_the_files_import():

@@ -12,9 +12,14 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+import numpy as np
+from ros_scene import *  # noqa: F403 - fixtures and the world
+from ros_scene import camera_info, frames, parameters, WORLD
 from ros_support import GRAPH
 
+from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import GipError
+from gip_localizer.io.map_files import save_map
 from gip_localizer.ros.processes import NodeProcesses
 
 pytestmark = pytest.mark.ros
@@ -65,3 +70,32 @@ def test_a_node_that_ends_is_reported_with_its_last_words(tmp_path):
         nodes.start('localizer', {'map_file': '/nowhere/map.yaml'}).wait(PATIENCE)
         with pytest.raises(GipError, match=r'(?s)localizer ended with code 1.*/nowhere/map\.yaml'):
             nodes.check()
+
+
+SNOW = np.random.default_rng(2).integers(0, 256, (240, 320), np.uint8)
+
+
+def busy_searching(tester, process, image):
+    """Have the whole map searched; return when that has taken a second of computing."""
+    tester.trigger('/localizer/relocalize')
+    began = sum(psutil.Process(process.pid).cpu_times()[:2])
+
+    def at_work():
+        tester.info.publish(camera_info())
+        tester.image.publish(next(image))
+        return sum(psutil.Process(process.pid).cpu_times()[:2]) > began + 1.0
+
+    tester.until(at_work, 'the search', alive=process)
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_node_in_order_amid_a_search(nodes, tester, tmp_path, number):
+    path = tmp_path / 'large.yaml'
+    save_map(RasterMap(np.tile(WORLD.grey, (6, 6)), WORLD.resolution, WORLD.origin), path)
+    process = nodes.start('localizer', parameters(path))
+    tester.until(tester.matched, 'the localizer to join', alive=process)
+    busy_searching(tester, process, frames(SNOW))
+    for _ in range(3):  # who waits presses Ctrl-C again
+        process.send_signal(number)
+    assert process.wait(timeout=5.0) == 0
+    assert 'Traceback' not in (tmp_path / 'localizer.log').read_text()

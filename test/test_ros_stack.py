@@ -7,6 +7,8 @@ from __future__ import annotations
 from itertools import count
 import json
 import math
+from pathlib import Path
+import xml.etree.ElementTree as ElementTree
 
 import pytest
 
@@ -16,13 +18,14 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import Odometry
-from rcl_interfaces.srv import SetParametersAtomically
+from rcl_interfaces.srv import ListParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_scene import *  # noqa: F403 - fixtures and the world
 from ros_scene import (
     assert_near,
     camera_info,
+    EXTRINSICS,
     frames,
     initial_pose,
     localized,
@@ -36,8 +39,11 @@ from std_msgs.msg import Float64
 
 from gip_localizer.core.pose import Pose2
 from gip_localizer.io.concerns import CONCERNS
+from gip_localizer.parameter_specs import dump_ros_yaml
+from gip_localizer.parameters import load_parameter_file
 from gip_localizer.ros.conversions import header_of, pose_of, time_of
 
+CONFIG = Path(__file__).parents[1] / 'config'
 pytestmark = pytest.mark.ros
 
 
@@ -148,6 +154,22 @@ def test_quality_of_service_is_overridden_by_parameters(nodes, tester, map_file)
     assert asked() == ['RELIABLE']
 
 
+def test_a_quality_of_service_of_no_topic_of_the_node_is_told(nodes, tester, map_file, tmp_path):
+    start(nodes, tester, map_file, {'qos_overrides./imag.subscription.depth': 3})
+    log = tmp_path / 'localizer.log'
+    words = ('qos_overrides./imag.subscription.depth is unknown and ignored; '
+             'did you mean qos_overrides./image.subscription.depth?')
+    tester.until(lambda: words in log.read_text(), 'the warning')
+
+
+def test_a_dump_of_the_node_is_a_parameter_file_of_the_desk_tool(tester, localizer, tmp_path):
+    request = ListParameters.Request()
+    names = tester.ask(ListParameters, '/localizer/list_parameters', request).result.names
+    path = tmp_path / 'dump.yaml'
+    path.write_text(dump_ros_yaml({name: tester.get(name) for name in names}, '/localizer'))
+    assert load_parameter_file(path).camera.pitch == EXTRINSICS.pitch
+
+
 def test_a_wrong_quality_of_service_ends_the_start_with_one_line(nodes, map_file, tmp_path):
     override = 'qos_overrides./image.subscription.reliability'
     process = nodes.start('localizer', parameters(map_file, {override: 'perfect'}))
@@ -173,6 +195,31 @@ def test_without_tf_the_parameters_say_so(nodes, map_file, tmp_path, parameter):
     assert 'Traceback' not in said
     assert f'parameter {parameter}' in said
     assert 'TF is unavailable' in said
+
+
+def allowed(direction):
+    """Names that the policy allows in a direction."""
+    root = ElementTree.parse(CONFIG / 'sros2_policy.xml').getroot()
+    [section] = [part for part in root.find('.//profile') if direction in part.attrib]
+    return {'/' + item.text.replace('~', 'localizer') for item in section}
+
+
+def names_of(kind, tester):
+    ask = getattr(tester, f'get_{kind}_names_and_types_by_node')
+    return {name for name, _ in ask('localizer', '/')}
+
+
+def test_the_security_policy_allows_what_the_node_has(nodes, tester, map_file):
+    changes = {'lifecycle': True, 'use_sim_time': True, 'mask.from_topic': True}
+    process = nodes.start('localizer', parameters(map_file, changes))
+    assert change_state(tester, Transition.TRANSITION_CONFIGURE)
+    tester.until(tester.matched, 'the topics', alive=process)
+    optional = {'/image/compressed', '/tf_static'}
+    tester.until(
+        lambda: names_of('subscriber', tester) | optional == allowed('subscribe'), 'the inputs'
+    )
+    tester.until(lambda: names_of('publisher', tester) | {'/tf'} == allowed('publish'), 'outputs')
+    tester.until(lambda: names_of('service', tester) == allowed('reply'), 'the services')
 
 
 def change_state(tester, transition):
@@ -208,6 +255,45 @@ def test_a_managed_node_goes_through_its_states(nodes, tester, map_file, render)
     assert change_state(tester, Transition.TRANSITION_CONFIGURE)
     assert change_state(tester, Transition.TRANSITION_ACTIVATE)
     tester.until(tester.matched, 'the topics again', alive=process)
+    assert_near(localized(tester, images, process), START)
+
+
+def test_a_managed_node_refuses_transitions_that_its_state_does_not_have(
+    nodes, tester, map_file
+):
+    process = nodes.start('localizer', parameters(map_file, {'lifecycle': True}))
+    for transition in (Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_CLEANUP, 99):
+        assert not change_state(tester, transition)
+        assert state(tester) == State.PRIMARY_STATE_UNCONFIGURED
+    assert change_state(tester, Transition.TRANSITION_CONFIGURE)
+    assert not change_state(tester, Transition.TRANSITION_CONFIGURE)
+    assert not change_state(tester, Transition.TRANSITION_DEACTIVATE)
+    assert state(tester) == State.PRIMARY_STATE_INACTIVE
+    assert process.poll() is None
+
+
+def test_enable_and_the_state_of_a_managed_node_do_not_overrule_each_other(
+    nodes, tester, map_file, render
+):
+    process = nodes.start('localizer', parameters(map_file, {'lifecycle': True}))
+    images = frames(render(START))
+
+    def silent():
+        heard = len(tester.poses)
+        for _ in range(8):
+            send(tester, next(images), process)
+        return len(tester.poses) == heard
+
+    assert change_state(tester, Transition.TRANSITION_CONFIGURE)
+    tester.until(tester.matched, 'the topics', alive=process)
+    assert 'not active' in tester.switch('/localizer/enable', True).message
+    assert silent()
+    tester.until(lambda: tester.said('output', 'until the node is activated'), 'the reason')
+    assert tester.switch('/localizer/enable', False).success
+    assert change_state(tester, Transition.TRANSITION_ACTIVATE)
+    assert silent()
+    tester.until(lambda: tester.said('output', '~/enable is called'), 'the other reason')
+    assert tester.switch('/localizer/enable', True).success
     assert_near(localized(tester, images, process), START)
 
 
@@ -268,6 +354,13 @@ def test_simulated_time_stands_goes_on_and_goes_back(nodes, tester, map_file, re
     assert 1000 <= pose.header.stamp.sec < 1010
     assert_near(pose, START)
     tester.until(lambda: tester.said('camera', 'TIME_WENT_BACK'), 'a report of the loop')
+
+
+def test_a_clock_that_stands_is_told_where_simulated_time_was_set_later(tester, localizer):
+    assert tester.set('use_sim_time', True).successful
+    tester.until(lambda: tester.said('camera', 'CLOCK_STANDS'), 'a report of the standing clock')
+    assert tester.set('use_sim_time', False).successful
+    tester.until(lambda: not tester.said('camera', 'CLOCK_STANDS'), 'its end')
 
 
 def test_frames_late_and_of_the_future_are_told_and_keep_their_stamps(

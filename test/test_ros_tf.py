@@ -93,5 +93,16 @@ def test_the_camera_is_where_static_transforms_put_it(nodes, tester, map_file, r
     where.x, where.y, where.z = (float(value) for value in EXTRINSICS.position())
     quaternion = Rotation.from_matrix(np.asarray(EXTRINSICS.rotation())).as_quat()
     turned.x, turned.y, turned.z, turned.w = (float(value) for value in quaternion)
+    where.z -= 3.0
+    static.publish(TFMessage(transforms=[mounted]))
+
+    def refused():
+        tester.image.publish(next(images))
+        tester.executor_.spin_once(timeout_sec=0.05)
+        return tester.said('calibration', 'parameter camera.z: got -1.8')
+
+    tester.until(refused, 'a report of the camera below the road', alive=process)
+    assert tester.set('search.x', 0.5).successful
+    where.z += 3.0
     static.publish(TFMessage(transforms=[mounted]))
     assert_near(localized(tester, images, process), START)

@@ -63,6 +63,14 @@ def test_a_foreign_or_stale_file_is_refused(tmp_path, changes, now, words):
                 'pose': [1, 2, math.nan], 'covariance': COVARIANCE}),
     json.dumps({'format': 1, 'map_hash': HASH, 'frame': 'map', 'saved_at': 1.0,
                 'pose': {'x': 1}, 'covariance': COVARIANCE}),
+    json.dumps({'format': 1, 'map_hash': HASH, 'frame': 'map', 'saved_at': '1000.0',
+                'pose': [1, 2, 3], 'covariance': COVARIANCE}),
+    json.dumps({'format': 1, 'map_hash': HASH, 'frame': 'map', 'saved_at': 10**400,
+                'pose': [1, 2, 3], 'covariance': COVARIANCE}),
+    json.dumps({'format': 1, 'map_hash': HASH, 'frame': 'map', 'saved_at': 1000.0, 'speed': '3',
+                'pose': [1, 2, 3], 'covariance': COVARIANCE}),
+    json.dumps({'format': 1, 'map_hash': HASH, 'frame': 'map', 'saved_at': 1000.0,
+                'odometry': ['1', '2', '3'], 'pose': [1, 2, 3], 'covariance': COVARIANCE}),
 ])  # fmt: skip
 def test_a_damaged_file_is_refused_with_its_name(tmp_path, text):
     path = tmp_path / 'state.json'
@@ -143,6 +151,25 @@ def test_nothing_is_written_without_a_pose_or_a_file_name(tmp_path):
     _, off = keeper_of('', 1000.0)
     off.after(Estimate(SECOND, Status.TRACKING, '', Pose2(8.0, 9.0, 0.0), np.eye(3)))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_pose_that_may_be_anywhere_by_now_is_told_and_not_used(tmp_path):
+    path = tmp_path / 'state.json'
+    save_state(path, LastPose(map_hash(cells()), 'map', 0.0, STATE.pose, STATE.covariance, 40.0))
+    values = {'state_file': str(path), 'state.max_age': 1e6}
+    localizer = Localizer(cells(), Parameters.from_dict(values))
+    told = []
+    StateKeeper(localizer, told.append, wall=lambda: 9e5).before(SECOND)
+    assert localizer.tracker.belief is None
+    assert 'says nothing' in told[0]
+    assert 'not used' in told[0]
+
+
+def test_a_name_that_no_file_can_have_is_told(tmp_path):
+    told = []
+    _, keeper = keeper_of(tmp_path / ('x' * 300), 1000.0, told)
+    keeper.after(Estimate(SECOND, Status.TRACKING, '', Pose2(8.0, 9.0, 0.0), np.eye(3) * 1e-4))
+    assert 'cannot be written' in told[0]
 
 
 def test_a_stale_file_is_told_and_not_used(tmp_path):

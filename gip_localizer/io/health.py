@@ -63,6 +63,8 @@ class Health:
         Figures that do not change, such as those of the map.
     simulated : bool
         The clock comes from /clock.
+    active : bool
+        False: frames are ignored, since the managed node is not active.
     enabled : bool
         False: frames are ignored on request.
     steady : callable
@@ -77,6 +79,7 @@ class Health:
     limits: Diagnostics
     fixed: Mapping[str, str] = field(default_factory=dict)
     simulated: bool = False
+    active: bool = True
     enabled: bool = True
     steady: Callable[[], float] = time.monotonic
     lasting: dict[str, str] = field(default_factory=dict)
@@ -93,6 +96,7 @@ class Health:
     _stamps: deque[int] = field(default_factory=lambda: deque(maxlen=RECENT))
     _times_ms: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
     _delay: float = 0.0
+    _busy: tuple[float, float] = (0.0, 0.0)
     _clock: tuple[int, float] | None = None
 
     def image_came(self, stamp_ns: int, clock_ns: int) -> None:
@@ -121,6 +125,7 @@ class Health:
         """Note the outcome of a frame, and how long it took."""
         self.estimate = estimate
         self._times_ms.append(milliseconds)
+        self._busy = (self.steady() - 1e-3 * milliseconds, self.steady())
         self.published += estimate.published
         if estimate.published:
             self._at['pose'] = self.steady()
@@ -169,14 +174,15 @@ class Health:
         return active | self._withheld(active)
 
     def _silences(self) -> dict[str, str]:
-        limits, ages, found = self.limits, self._ages(), {}
-        image_age, odom_age = ages.get('image'), ages.get('odom')
+        limits, found = self.limits, {}
+        silent = {what: self._silent_since(at) for what, at in self._at.items()}
+        image_age, odom_age = silent.get('image'), silent.get('odom')
         if image_age is None:
             found['NO_IMAGE_YET'] = 'is the camera on, is the topic remapped?'
         elif image_age > limits.camera_timeout:
             found['NO_IMAGE'] = f'for {image_age:.1f} s'
         if self.simulated and self._clock is not None:
-            still = self.steady() - self._clock[1]
+            still = self._silent_since(self._clock[1])
             if still > limits.camera_timeout:
                 found['CLOCK_STANDS'] = f'for {still:.1f} s; is /clock published?'
         if not self._counts.get('camera_info'):
@@ -184,6 +190,11 @@ class Health:
         if odom_age is not None and odom_age > limits.odometry_timeout:
             found['ODOMETRY_STALE'] = f'none for {odom_age:.1f} s'
         return found
+
+    def _silent_since(self, at: float) -> float:
+        """Return for how long nothing came; what comes during a frame is heard after it."""
+        start, end = self._busy
+        return self.steady() - at - max(end - max(at, start), 0.0)
 
     def _stamp_faults(self) -> dict[str, str]:
         hint = 'do camera and computer share a clock? with a bag set use_sim_time'
@@ -194,8 +205,10 @@ class Health:
         return {}
 
     def _withheld(self, active: Mapping[str, str]) -> dict[str, str]:
+        if not self.active:
+            return {'DISABLED': 'images are ignored until the node is activated'}
         if not self.enabled:
-            return {'DISABLED': 'images are ignored'}
+            return {'DISABLED': 'images are ignored until ~/enable is called with data: true'}
         if 'NO_IMAGE' in active:
             return {'WITHHELD': f'NO_IMAGE: {active["NO_IMAGE"]}'}
         if self.estimate is None:

@@ -168,9 +168,15 @@ def _read(path: Path) -> LastPose:
         state = LastPose(**content)
         numbers = [state.saved_at, state.speed, *state.pose, *state.covariance,
                    *(state.odometry or (0.0, 0.0, 0.0))]
-        if len(numbers) != 17 or not all(math.isfinite(float(value)) for value in numbers):
+        if len(numbers) != 17 or not all(_is_finite(value) for value in numbers):
             raise ValueError('expected finite numbers: a pose of 3, a covariance of 9')
         checked_prior(0, Pose2(*state.pose), np.reshape(state.covariance, (3, 3)))
-    except (OSError, ValueError, TypeError, RecursionError, GipError) as error:
+    except (
+        OSError, ValueError, TypeError, OverflowError, RecursionError, GipError
+    ) as error:
         raise StateError(f'state_file {path}: {error}; not used') from None
     return state
+
+
+def _is_finite(value: object) -> bool:
+    return type(value) in (int, float) and math.isfinite(value)  # type: ignore[arg-type]

@@ -5,12 +5,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import os
 from pathlib import Path
 import time
 
 from gip_localizer.core.estimate import Estimate
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.pose import Pose2
+from gip_localizer.errors import GipError
 from gip_localizer.io.state_file import LastPose, load_state, map_hash, save_state, StateError
 from gip_localizer.parameters import Parameters
 
@@ -52,7 +54,7 @@ class StateKeeper:
         self._restored = self._load()
 
     def _load(self) -> LastPose | None:
-        if self._path is None or not self._path.exists():
+        if self._path is None or not os.path.exists(self._path):  # noqa: PTH110 - never raises
             return None
         parameters = self._localizer.parameters
         try:
@@ -80,8 +82,12 @@ class StateKeeper:
         if odometry is None and state.odometry is not None and not waited:
             return
         self._restored = None
-        belief = state.prior(self._wall(), self._localizer.parameters.motion, odometry)
-        self._localizer.set_prior(0, belief.pose, belief.covariance)
+        try:
+            belief = state.prior(self._wall(), self._localizer.parameters.motion, odometry)
+        except GipError as error:  # the vehicle may be anywhere by now
+            self._tell(f'state_file {self._path}: {error}; not used')
+        else:
+            self._localizer.set_prior(0, belief.pose, belief.covariance)
 
     def after(self, estimate: Estimate) -> None:
         """Write a published pose, unless the last one was written just now."""

@@ -14,6 +14,7 @@ from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from gip_localizer.core.estimate import Estimate
@@ -108,6 +109,7 @@ class Inputs:
             else:
                 take(message)
 
+        image_of(serialize_message(kind()), kind.__name__)  # builds the types: 0.2 s, once
         listen(node, kind, topic, unpack, qos, raw=True)
 
     def _take_image(self, message: Any) -> None:

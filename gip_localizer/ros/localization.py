@@ -32,6 +32,7 @@ from gip_localizer.parameters import Parameters
 from gip_localizer.ros.diagnostics import Diagnostics
 from gip_localizer.ros.inputs import Inputs, Localize
 from gip_localizer.ros.outputs import Outputs
+from gip_localizer.ros.parameters import warn_of_unknown_qos
 from gip_localizer.ros.transforms import CameraFromTf, MapToOdom
 
 LOOK = 0.2
@@ -65,10 +66,7 @@ class Localization:
         self._frontend = Frontend(raster_map, parameters)
         self._parameters = parameters
         self._extrinsics: Extrinsics | None = None
-        self._health = Health(
-            parameters.diagnostics, _map_figures(raster_map), enabled=active,
-            simulated=bool(node.get_parameter('use_sim_time').value),
-        )
+        self._health = Health(parameters.diagnostics, _map_figures(raster_map), active=active)
         self._keeper = StateKeeper(
             self._frontend.localizer, partial(self._health.happened, 'STATE_REFUSED')
         )
@@ -88,6 +86,7 @@ class Localization:
         self._inputs = Inputs(node, self._frontend, self._on_frame, self._on_other)
         node.create_service(Trigger, '~/relocalize', self._on_relocalize)
         node.create_service(SetBool, '~/enable', self._on_enable)
+        warn_of_unknown_qos(node)
         self._looks = 0
         node.create_timer(LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         back = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
@@ -105,15 +104,11 @@ class Localization:
         """Take new parameters from the next frame on."""
         self._parameters = parameters
         self._health.limits = parameters.diagnostics
-        if self._extrinsics is not None:
-            parameters = parameters.replace({
-                f'camera.{name}': value for name, value in vars(self._extrinsics).items()
-            })
-        self._frontend.configure(parameters)
+        self._frontend.configure(_placed(parameters, self._extrinsics))
 
     def switch(self, on: bool) -> None:
-        """Take images, or ignore them."""
-        self._health.enabled = on
+        """Take images unless ~/enable forbids it, or ignore them."""
+        self._health.active = on
         self._diagnostics.tell()
 
     def close(self) -> None:
@@ -123,7 +118,7 @@ class Localization:
     def _on_frame(self, localize: Localize, message: Any) -> None:
         stamp = stamp_ns(message.header)
         self._health.image_came(stamp, self._now_ns())
-        if not self._health.enabled:
+        if not (self._health.active and self._health.enabled):
             return
         started = time.perf_counter()
         self._inputs.take_waiting_odometry()
@@ -173,8 +168,8 @@ class Localization:
             self._tell_changes()
 
     def _place_camera(self, extrinsics: Extrinsics) -> None:
+        self._frontend.configure(_placed(self._parameters, extrinsics))
         self._extrinsics = extrinsics
-        self.configure(self._parameters)
         numbers = ', '.join(f'{name} {value:.4g}' for name, value in vars(extrinsics).items())
         self._node.get_logger().info(f'camera from TF: {numbers}')
 
@@ -193,6 +188,7 @@ class Localization:
 
     def _look(self) -> None:
         """Notice silence soon; tell all once a second."""
+        self._health.simulated = bool(self._node.get_clock().ros_time_is_active)
         self._health.clock_shows(self._now_ns())
         self._health.hear(self._frontend.complaints, self._frontend.counts)
         self._looks += 1
@@ -211,13 +207,24 @@ class Localization:
         return response
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self.switch(bool(request.data))
+        self._health.enabled = bool(request.data)
+        self._diagnostics.tell()
         response.success = True
         response.message = 'enabled' if request.data else 'disabled'
+        if not self._health.active:
+            response.message += '; the node is not active, and images are ignored until it is'
         return response
 
     def _now_ns(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)
+
+
+def _placed(parameters: Parameters, extrinsics: Extrinsics | None) -> Parameters:
+    """Return the parameters with the camera where TF has it (raises ParameterError)."""
+    if extrinsics is None:
+        return parameters
+    numbers = vars(extrinsics).items()
+    return parameters.replace({f'camera.{name}': value for name, value in numbers})
 
 
 def _map_of(parameters: Parameters) -> RasterMap:

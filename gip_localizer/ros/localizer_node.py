@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import sys
+from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
@@ -49,8 +50,19 @@ class ManagedLocalizerNode(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__(NAME)
+        [service] = [one for one in self.services if one.srv_name.endswith('/change_state')]
+        self._change_state, service.callback = service.callback, self._on_change_state
         self._live = LiveParameters(self, Parameters, self._retune)
         self._running: Localization | None = None
+
+    def _on_change_state(self, request: Any, response: Any) -> Any:
+        """Refuse a transition that the state does not have; rclpy 7.1 would end the process."""
+        try:
+            return self._change_state(request, response)
+        except RuntimeError as error:  # rcl's error
+            self.get_logger().error(str(error))
+            response.success = False
+            return response
 
     def _retune(self, parameters: Parameters) -> None:
         if self._running is not None:

@@ -10,7 +10,7 @@ is the tree replaced, between two frames, so that no half-applied state exists.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 import difflib
 import sys
 from typing import Generic, TypeVar
@@ -128,6 +128,18 @@ def _warn_of_unknown_names(node: Node, names: frozenset[str]) -> None:
     for name in given_at_start(node):
         known = name in names or node.has_parameter(name) or name.startswith(QOS)
         if not known:
-            close = difflib.get_close_matches(name, names, n=1)
-            guess = f'; did you mean {close[0]}?' if close else ''
-            node.get_logger().warning(f'parameter {name} is unknown and ignored{guess}')
+            _warn_of(node, name, names)
+
+
+def warn_of_unknown_qos(node: Node) -> None:
+    """Tell of overrides for topics that the node, with all its topics made, does not have."""
+    known = {f'{QOS}{rest}' for rest in node.get_parameters_by_prefix(QOS.rstrip('.'))}
+    for name in given_at_start(node):
+        if name.startswith(QOS) and name not in known:
+            _warn_of(node, name, known)
+
+
+def _warn_of(node: Node, name: str, known: Iterable[str]) -> None:
+    close = difflib.get_close_matches(name, known, n=1)
+    guess = f'; did you mean {close[0]}?' if close else ''
+    node.get_logger().warning(f'parameter {name} is unknown and ignored{guess}')

@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+import signal
+from types import FrameType
 
 import rclpy
 from rclpy.exceptions import NameValidationException
@@ -13,6 +15,8 @@ from rclpy.logging import get_logger
 from rclpy.node import Node
 
 from gip_localizer.errors import GipError
+
+STOPS = (signal.SIGINT, signal.SIGTERM)
 
 
 def run_node(make: Callable[[], Node], name: str, args: Sequence[str] | None = None) -> int:
@@ -34,11 +38,14 @@ def run_node(make: Callable[[], Node], name: str, args: Sequence[str] | None = N
         Exit code: 0 after an orderly end, 1 after an error that the user can mend.
 
     """
+    _hear_stops()
     try:
         rclpy.init(args=list(args) if args is not None else None)
     except RuntimeError as error:  # rcl's error: arguments or a parameter file it cannot read
         get_logger(name).fatal(str(error))
         return 1
+    except KeyboardInterrupt:
+        return 0
     node = None
     try:
         node = make()
@@ -52,8 +59,29 @@ def run_node(make: Callable[[], Node], name: str, args: Sequence[str] | None = N
     except (GipError, NameValidationException) as error:
         get_logger(name).fatal(str(error))
         return 1
+    except RuntimeError:  # rcl's error: the signal took the topics away before it arrived here
+        if rclpy.ok():
+            raise
     finally:
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _hear_stops() -> None:
+    """
+    Let the first signal interrupt whatever runs, and those after it nothing.
+
+    rclpy hands signals on to the handlers that it finds. By itself it waits for the frame in
+    work at SIGTERM, a search of the whole map perhaps, and takes the topics away from under it.
+
+    """
+    def stop(_number: int, _frame: FrameType | None) -> None:
+        for number in STOPS:
+            signal.signal(number, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    for number in STOPS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, stop)

@@ -90,7 +90,7 @@ class CameraFromTf:
     base : str
         Frame of the vehicle.
     found : callable
-        Told the extrinsics.
+        Told the extrinsics; raises ParameterError where no camera can be.
     fault : callable
         Told what is wrong; None when nothing is.
 
@@ -138,7 +138,12 @@ class CameraFromTf:
             if self._known is None:
                 self._fault(str(error))
             return
-        self._fault(None)
         if extrinsics != self._known:
+            self._known = None
+            try:
+                self._found(extrinsics)
+            except ParameterError as error:
+                self._fault(f'{self._base!r} to {self._optical!r}: {error}')
+                return
             self._known = extrinsics
-            self._found(extrinsics)
+        self._fault(None)
