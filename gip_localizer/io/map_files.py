@@ -7,9 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 import math
-import os
 from pathlib import Path
-import tempfile
 from typing import Any
 
 import cv2
@@ -23,6 +21,7 @@ from gip_localizer.errors import MapError, OutputError
 from gip_localizer.io.decoder_warnings import damage, decoder_warnings
 from gip_localizer.io.images import is_truncated_jpeg
 from gip_localizer.io.map_store import Cells, stored_cells
+from gip_localizer.io.output_folder import write_whole
 
 REQUIRED = ('image', 'resolution', 'origin')
 
@@ -133,8 +132,8 @@ def save_map(raster_map: RasterMap, path: Path | str, *, force: bool = False) ->
          'negate': 0, 'occupied_thresh': 0.65, 'free_thresh': 0.196},
         sort_keys=False, default_flow_style=None,
     )
-    _write_whole(picture, _png(raster_map))
-    _write_whole(path, text.encode())
+    write_whole(picture, _png(raster_map))
+    write_whole(path, text.encode())
 
 
 def _settings(path: Path) -> Mapping[str, Any]:
@@ -210,16 +209,3 @@ def _png(raster_map: RasterMap) -> bytes:
     if not done:
         raise OutputError('the map image could not be encoded as PNG')
     return bytes(encoded)
-
-
-def _write_whole(path: Path, content: bytes) -> None:
-    """Write a file by renaming a finished one, so that no half of it can remain."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f'.{path.name}.')
-        with os.fdopen(handle, 'wb') as stream:
-            stream.write(content)
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except OSError as error:
-        raise OutputError(f'{path}: cannot be written ({error})') from None
