@@ -191,8 +191,7 @@ def _pixels(what: str, image: Path) -> Grey:
             ) from None
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
         raise MapError(
-            f'{what} cannot be read; expected an 8 or 16 bit image, '
-            'for example PNG or PGM'
+            f'{what} cannot be read; expected a whole 8 or 16 bit image, for example PNG or PGM'
         )
     if is_truncated_jpeg(image.read_bytes()):
         raise MapError(f'{what} is cut off; copy it again')
