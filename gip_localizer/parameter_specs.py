@@ -239,7 +239,11 @@ def load_ros_yaml(path: Path | str) -> dict[str, Value]:
     try:
         content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
-        raise ParameterError(f'parameter file {path}: {error}') from None
+        why = ' '.join(str(error).split())
+        raise ParameterError(
+            f'parameter file {path}: {why}; expected a ROS parameter YAML, as gip params --yaml '
+            'writes it'
+        ) from None
     sections = content.values() if isinstance(content, dict) else []
     found = [s['ros__parameters'] for s in sections
              if isinstance(s, dict) and isinstance(s.get('ros__parameters'), dict)]

@@ -158,6 +158,16 @@ def test_a_folder_without_metadata_is_read_and_said(tmp_path):
     assert any('metadata.yaml' in note for note in bag.notes)
 
 
+@pytest.mark.parametrize('information', [
+    '{compression_mode: 5}', '{compression_mode: null}', '{relative_file_paths: 5}', '[1]',
+    '{relative_file_paths: bag.mcap}',
+])
+def test_metadata_of_odd_types_is_not_needed(tmp_path, information):
+    folder = write_rosbag2(tmp_path / 'bag', STREAM)
+    (folder / 'metadata.yaml').write_text(f'rosbag2_bagfile_information: {information}\n')
+    assert content(Bag([folder])) == STREAM
+
+
 def test_files_that_the_metadata_names_but_are_gone_are_said(tmp_path):
     folder = write_rosbag2(tmp_path / 'bag', STREAM, StoragePlugin.MCAP)
     meta = folder / 'metadata.yaml'
@@ -177,6 +187,11 @@ def make_bad(folder, kind):
     if kind != 'missing':
         path.write_bytes({'empty': b'', 'magic': b'\x89MCAP0\r\n'}.get(kind, b'not a bag at all'))
     return path
+
+
+def test_a_name_that_cannot_be_looked_up_is_refused(tmp_path):
+    with pytest.raises(BagError, match='cannot be read: File name too long'):
+        Bag([tmp_path / ('a' * 5000)])
 
 
 @pytest.mark.parametrize(('kind', 'words'), [

@@ -58,6 +58,18 @@ def test_a_picture_is_not_replaced_unasked(tmp_path, capsys):
     assert (tmp_path / 'c.png').read_text() == 'mine'
 
 
+@pytest.mark.parametrize(('out', 'words'), [
+    ('', 'is a folder'), ('c.xyz', "has the ending '.xyz'"), ('c', "has the ending ''"),
+    ('file.txt/c.png', 'cannot be written'),
+])
+def test_a_picture_that_cannot_be_written_is_told(tmp_path, capsys, out, words):
+    (tmp_path / 'file.txt').write_text('')
+    code, _, said = check(tmp_path, capsys, '--out', str(tmp_path / out), '--force')
+    assert code == 1
+    assert words in said.err
+    assert [path.name for path in tmp_path.iterdir()] == ['file.txt']
+
+
 def painted(*lines):
     """A dark road with stripes of 12 cm: (offset, slope) each."""
     x, y = GRID.points()[:, 0], GRID.points()[:, 1]

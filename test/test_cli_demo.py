@@ -16,7 +16,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from gip_localizer.cli import main
-from gip_localizer.evaluation.demo import missed_bounds
+from gip_localizer.evaluation.demo import missed_bounds, overload
 
 pytestmark = pytest.mark.ros
 
@@ -105,3 +105,12 @@ def test_each_bound_is_held(figure, value):
     assert missed_bounds(GOOD) == []
     [line] = missed_bounds({**GOOD, figure: value})
     assert figure in line
+
+
+def test_a_machine_that_does_not_keep_up_is_told():
+    assert overload({'latency_ms': {'p95': 199.0}}, 5.0) == ''
+    assert overload({'latency_ms': {'p95': None}}, 5.0) == ''
+    said = overload({'latency_ms': {'p95': 250.0}}, 5.0)
+    assert 'latency up to 250 ms' in said
+    assert 'every 200 ms' in said
+    assert '--rate' in said

@@ -90,3 +90,11 @@ def test_without_a_standard_error_pictures_are_still_read():
     done = subprocess.run([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True,
                           check=True)
     assert done.stdout.strip() == "(8, 8) ''"
+
+
+def test_a_map_that_was_cut_off_is_told_in_one_line(tmp_path, capfd):
+    path = tmp_path / 'mask.pgm'
+    path.write_bytes(cv2.imencode('.pgm', PICTURE)[1].tobytes()[:5000])
+    with pytest.raises(MapError, match=r'mask\.pgm cannot be read; expected a whole'):
+        load_mask(path)
+    assert capfd.readouterr().err == ''

@@ -76,3 +76,14 @@ def test_a_mask_of_16_bits_is_refused(tmp_path):
     cv2.imwrite(str(tmp_path / 'deep.png'), np.zeros((4, 4), np.uint16))
     with pytest.raises(MapError, match='16 bits'):
         load_mask(tmp_path / 'deep.png')
+
+
+def test_an_unusable_mask_is_called_a_mask(tmp_path):
+    with pytest.raises(MapError, match=r'^mask_file .*none\.png does not exist$'):
+        load_mask(tmp_path / 'none.png')
+
+
+def test_a_mask_that_is_black_all_over_is_refused(tmp_path):
+    cv2.imwrite(str(tmp_path / 'mask.png'), np.full((10, 20), 1, np.uint8))
+    with pytest.raises(MapError, match='black all over'):
+        load_mask(tmp_path / 'mask.png')

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+from dataclasses import replace
 import json
 import math
 import os
@@ -36,10 +37,10 @@ def folder(tmp_path_factory):
     return out, write_results(out, noisy_run(withheld=4))
 
 
-def evo_statistics(out, relation):
+def evo_statistics(out, relation, max_diff=1e-4):
     truth = file_interface.read_tum_trajectory_file(out / 'ground_truth.tum')
     estimate = file_interface.read_tum_trajectory_file(out / 'estimate.tum')
-    matched = sync.associate_trajectories(truth, estimate, max_diff=1e-4)
+    matched = sync.associate_trajectories(truth, estimate, max_diff=max_diff)
     ape = evo_metrics.APE(relation)
     ape.process_data(matched)
     return ape.get_all_statistics()
@@ -51,6 +52,19 @@ def test_position_errors_agree_with_evo(folder):
     assert metrics['rmse_xy_m'] == pytest.approx(evo['rmse'], abs=1e-9)
     assert metrics['median_xy_m'] == pytest.approx(evo['median'], abs=1e-9)
     assert metrics['max_xy_m'] == pytest.approx(evo['max'], abs=1e-9)
+
+
+def test_errors_agree_with_evo_where_the_truth_has_other_stamps(tmp_path):
+    run = noisy_run()
+    late = run.truth.stamps_ns[:-1] + STEP // 15  # less than the 10 ms that evo passes over
+    around = [run.truth.stamps_ns[:1], late, run.truth.stamps_ns[-1:]]
+    stamps = np.concatenate(around)
+    metrics = write_results(
+        tmp_path / 'out', replace(run, truth=Trajectory(stamps, run.truth.at(stamps)))
+    )
+    evo = evo_statistics(tmp_path / 'out', evo_metrics.PoseRelation.translation_part, 0.01)
+    assert metrics['judged'] == len(run.estimates)
+    assert metrics['rmse_xy_m'] == pytest.approx(evo['rmse'], abs=1e-9)
 
 
 def test_yaw_errors_agree_with_evo(folder):

@@ -222,3 +222,9 @@ def test_bounds_are_inclusive(value, low, span):
             spec.checked(value)
     assert spec.checked(low) == low
     assert spec.checked(low + span) == low + span
+
+
+def test_a_parameter_file_that_is_no_yaml_is_refused_in_one_line(tmp_path):
+    (tmp_path / 'p.yaml').write_text('a: b: c')
+    with pytest.raises(ParameterError, match=r'^[^\n]*; expected a ROS parameter YAML[^\n]*$'):
+        load_parameter_file(tmp_path / 'p.yaml')

@@ -98,12 +98,40 @@ def test_a_window_after_the_only_camera_info_is_calibrated(drive, messages, tmp_
     assert 'NO_CALIBRATION' not in metrics['statuses']
 
 
-def test_without_truth_the_errors_are_null(drive, messages, tmp_path):
+def test_a_camera_info_after_the_images_is_taken_for_all(drive, messages, tmp_path, capsys):
+    topic, kind, _, raw = next(m for m in messages if m[0] == INFO)
+    rest = [m for m in messages if m[0] != INFO]
+    bag = rewritten(tmp_path / 'a.mcap', [*rest, (topic, kind, rest[-1][2], raw)])
+    metrics = replayed(bag, drive, tmp_path / 'out', '--duration', '0.5')
+    assert metrics['published'] == 5
+    assert 'camera_info comes 2.' in capsys.readouterr().err
+
+
+def test_why_frames_gave_no_pose_is_said(drive, tmp_path, capsys):
+    params = tmp_path / 'params.yaml'
+    params.write_text((drive / 'params.yaml').read_text().replace('set: true', 'set: false'))
+    replayed(drive, drive, tmp_path / 'out', '--duration', '0.5', '--params', str(params))
+    error = capsys.readouterr().err
+    assert 'gip: no pose, NO_PRIOR in 5 of 5 frames, first: no prior yet' in error
+    assert 'no pose, NO_PRIOR in 5 of 5' in (tmp_path / 'out' / 'report.html').read_text()
+
+
+def test_without_truth_the_errors_are_null(drive, messages, tmp_path, capsys):
     bag = rewritten(tmp_path / 'a.mcap', [m for m in messages if m[0] != TRUTH])
     metrics = replayed(bag, drive, tmp_path / 'out', '--duration', '0.5')
     assert metrics['rmse_xy_m'] is None
+    assert 'no ground truth, errors are unknown; name a TUM file' in capsys.readouterr().err
     assert metrics['published'] >= 4
     assert not (tmp_path / 'out' / 'ground_truth.tum').exists()
+
+
+def test_a_truth_of_another_clock_is_said(drive, whole, tmp_path, capsys):
+    truth = tmp_path / 'truth.tum'
+    truth.write_text('5.0 0 0 0 0 0 0 1\n6.0 0 0 0 0 0 0 1\n')
+    metrics = replayed(drive, drive, tmp_path / 'out', '--duration', '0.2', '--ground-truth',
+                       str(truth))
+    assert metrics['rmse_xy_m'] is None
+    assert 'the ground truth is of 5.000 to 6.000 s, the images of ' in capsys.readouterr().err
 
 
 def test_truth_from_a_tum_file(drive, whole, messages, tmp_path):

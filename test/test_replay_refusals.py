@@ -41,6 +41,10 @@ def replay(drive, tmp_path, *options):
     (['--initial-pose', '-1,2,north'], ['X,Y,YAW']),
     (['--ground-truth', '/no/truth.tum'], ['/no/truth.tum']),
     (['--start', '99'], ['no image', '--start']),
+    (['--start', 'nan'], ['--start nan', 'expected seconds']),
+    (['--start', 'inf'], ['--start inf', 'expected seconds']),
+    (['--duration', '-1'], ['--duration -1', 'expected seconds']),
+    (['--duration', '1e300'], ['--duration 1e+300', 'expected seconds']),
 ])
 def test_options(drive, tmp_path, capsys, options, words):
     error = refused(capsys, *replay(drive, tmp_path, *options))
@@ -55,7 +59,8 @@ def test_a_negative_initial_pose_is_no_option(drive, tmp_path, capsys):
 
 
 def test_no_such_bag(tmp_path, capsys):
-    assert 'no such bag' in refused(capsys, 'replay', str(tmp_path / 'none'), '--map', 'm.yaml')
+    assert 'no such bag' in refused(capsys, 'replay', str(tmp_path / 'none'), '--map', 'm.yaml',
+                                    '--out', str(tmp_path / 'out'))
 
 
 def test_an_empty_folder(tmp_path, capsys):
@@ -79,6 +84,17 @@ def test_a_bag_without_a_needed_topic(drive, tmp_path, capsys, left_out, words):
     assert words in error
     assert '/odom' in error
     assert not (tmp_path / 'out').exists()
+
+
+def test_an_encoding_that_is_not_read_is_named(drive, tmp_path, capsys):
+    bag = rewritten(tmp_path / 'a.mcap', recorded(drive), encodings={'/image': 'ros1'})
+    error = refused(capsys, 'replay', str(bag), *beside(drive), '--out', str(tmp_path / 'out'))
+    assert '/image (sensor_msgs/msg/Image, 25, encoding \'ros1\' is not read)' in error
+
+
+def test_a_truth_of_another_type_is_told_which_are_read(drive, tmp_path, capsys):
+    error = refused(capsys, *replay(drive, tmp_path, '--ground-truth', '/image'))
+    assert 'PoseStamped or' in error
 
 
 def test_two_cameras_are_asked_for(drive, tmp_path, capsys):

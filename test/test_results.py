@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+from dataclasses import replace
 import errno
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from run_samples import noisy_run
+from run_samples import EPOCH, noisy_run
 
 from gip_localizer.errors import OutputError
 from gip_localizer.evaluation.results import write_results
@@ -60,6 +61,15 @@ def test_the_same_run_gives_the_same_bytes(tmp_path):
     for file in FILES:
         first, second = ((tmp_path / name / 'out' / file).read_bytes() for name in ('a', 'b'))
         assert first == second, file
+
+
+def test_stamps_before_1970_have_a_valid_folder(tmp_path):
+    run = noisy_run(count=3)
+    early = [replace(frame, stamp_ns=frame.stamp_ns - 2 * EPOCH) for frame in run.estimates]
+    write_results(tmp_path / 'out', replace(run, estimates=early))
+    assert list(read_tum(tmp_path / 'out' / 'estimate.tum').stamps_ns) == [
+        frame.stamp_ns for frame in early
+    ]
 
 
 def test_results_are_not_replaced_without_force(tmp_path):

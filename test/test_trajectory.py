@@ -65,6 +65,16 @@ def test_nothing_is_known_outside_or_in_a_long_gap():
     assert known.tolist() == [False, True, True, True, False, True, False]
 
 
+def test_poses_at_other_stamps_change_no_path():
+    path = straight()
+    other = np.concatenate([path.stamps_ns - 30_000_000, path.stamps_ns[::-1]])
+    dense = path.with_stamps(other)
+    assert len(dense) == 9  # the one before the first pose is not known
+    assert (np.diff(dense.stamps_ns) > 0).all()
+    np.testing.assert_allclose(dense.at(path.stamps_ns), path.poses, atol=0.0)
+    np.testing.assert_allclose(dense.at(other), path.at(other), atol=1e-12)
+
+
 def test_an_empty_trajectory_knows_nothing():
     assert np.isnan(Trajectory.from_samples([]).at(np.array([1, 2]))).all()
 

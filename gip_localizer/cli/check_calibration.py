@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 BOUND = math.radians(0.5)
 """A pitch that is off by more fails the check."""
 LEAST_FRAMES = 3
+PICTURES = ('.png', '.jpg', '.svg', '.pdf')
 
 
 def add_parser(verbs: Any) -> None:
@@ -42,14 +43,13 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure, draw, and tell the pitch that the lines ask for."""
     from gip_localizer.cli.settings import parse_settings
-    from gip_localizer.errors import OutputError
-    from gip_localizer.evaluation.calibration_check import check_calibration, check_figure
+    from gip_localizer.evaluation.calibration_check import check_calibration, check_picture
     from gip_localizer.io.bag_topics import choose_topics, TopicNames
     from gip_localizer.io.bags import Bag
+    from gip_localizer.io.output_folder import check_file, write_whole
     from gip_localizer.parameters import load_parameter_file, Parameters
 
-    if args.out.exists() and not args.force:
-        raise OutputError(f'{args.out} exists; name another with --out, or give --force')
+    check_file(args.out, force=args.force, suffixes=PICTURES)
     beside = (args.bag[0] if args.bag[0].is_dir() else args.bag[0].parent) / 'params.yaml'
     path = args.params or (beside if beside.is_file() else None)
     parameters = load_parameter_file(path) if path else Parameters()
@@ -57,8 +57,7 @@ def run(args: argparse.Namespace) -> int:
     bag = Bag(args.bag)
     topics = choose_topics(bag, TopicNames(args.image_topic, args.camera_info_topic))
     check = check_calibration(bag, topics, parameters, max(args.frames, 1))
-    args.out.parent.mkdir(parents=True, exist_ok=True)
-    check_figure(check).savefig(args.out, dpi=110)
+    write_whole(args.out, check_picture(check, args.out.suffix.lower().lstrip('.')))
     return _tell(check, parameters.camera.pitch, args.out)
 
 

@@ -64,7 +64,7 @@ def _positive(text: str) -> float:
 
 def run(args: argparse.Namespace) -> int:
     """Drive, judge, write the results folder and print the verdict."""
-    from gip_localizer.evaluation.demo import missed_bounds
+    from gip_localizer.evaluation.demo import missed_bounds, overload
     from gip_localizer.evaluation.metrics import format_table, table_rows
     from gip_localizer.evaluation.results import check_output, write_results
 
@@ -80,6 +80,8 @@ def run(args: argparse.Namespace) -> int:
     missed = missed_bounds(metrics)
     for line in missed:
         print(f'gip demo: missed: {line}', file=sys.stderr)
+    if missed and (advice := overload(metrics, args.rate)):
+        print(f'gip demo: {advice}', file=sys.stderr)
     return 1 if missed else 0
 
 

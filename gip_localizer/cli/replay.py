@@ -67,6 +67,7 @@ def run(args: argparse.Namespace) -> int:
     from gip_localizer.evaluation.metrics import format_table, table_rows
     from gip_localizer.evaluation.replay import Replay, Window
     from gip_localizer.evaluation.results import check_output, write_results
+    from gip_localizer.io.bag_topics import TRUTH
     from gip_localizer.io.map_files import load_map
 
     check_output(args.out, args.force)
@@ -83,6 +84,9 @@ def run(args: argparse.Namespace) -> int:
         metrics = write_results(args.out, result, args.force)
     for note in result.notes:
         print(f'gip: {note}', file=sys.stderr)
+    if result.truth is None:
+        print('gip: no ground truth, errors are unknown; name a TUM file or a topic with '
+              f'--ground-truth (types: {", ".join(TRUTH)})', file=sys.stderr)
     print(format_table(table_rows(metrics)))
     print(f'\nresults in {args.out}, report: {args.out / "report.html"}')
     if not replay.complete:

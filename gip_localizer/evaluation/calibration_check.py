@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from io import BytesIO
 from itertools import islice
 import math
 
@@ -128,14 +129,16 @@ def _calibration(bag: Bag, topics: Topics) -> Calibration:
     raise BagError(f'no camera_info of {topics.camera_info.name} can be read')
 
 
-def check_figure(check: CalibrationCheck) -> Figure:
-    """Draw the grid of the road over the frame, and the lines in the view."""
+def check_picture(check: CalibrationCheck, kind: str) -> bytes:
+    """Draw the grid of the road over the frame, and the lines in the view; `kind`: png or svg."""
     with rc_context({**STYLE, 'axes.grid': False}):
         figure = Figure(figsize=(10.4, 4.4))
         panels = figure.subplots(1, 2, width_ratios=(1.8, 1.0))
         _draw_grid(panels[0], check)
         _draw_lines(panels[1], check)
-    return figure
+        picture = BytesIO()
+        figure.savefig(picture, format=kind, dpi=110)
+    return picture.getvalue()
 
 
 def _draw_grid(axes: Axes, check: CalibrationCheck) -> None:

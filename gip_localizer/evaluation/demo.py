@@ -48,6 +48,17 @@ def missed_bounds(metrics: Mapping[str, Any]) -> list[str]:
     return missed
 
 
+def overload(metrics: Mapping[str, Any], rate: float) -> str:
+    """Tell that poses took longer than images (1/s) left for them; empty where they did not."""
+    latency = look_up(metrics, 'latency_ms.p95')
+    if latency is None or latency * rate <= 1000.0:
+        return ''
+    return (
+        f'the machine did not keep up: latency up to {latency:.0f} ms (95th percentile) and an '
+        f'image every {1000.0 / rate:.0f} ms; close what else runs on it, or lower --rate'
+    )
+
+
 @dataclass(frozen=True)
 class HeardFrame:
     """One frame as a subscriber saw it; pose None: none came for it."""

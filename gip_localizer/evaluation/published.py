@@ -51,18 +51,19 @@ def write_published(path: Path, run: Run) -> None:
 
 def _write_frame(bag: BagWriter, estimate: FrameResult, frame_id: str) -> None:
     stamp = estimate.stamp_ns
-    bag.write(DIAGNOSTICS, stamp, _diagnostics(estimate))
+    log_ns = max(stamp, 0)  # a bag knows no time before 1970, a broken clock does
+    bag.write(DIAGNOSTICS, log_ns, _diagnostics(estimate))
     if estimate.pose is None:
         return
     header, pose = make_header(stamp, frame_id), make_pose(estimate.pose)
-    bag.write(POSE, stamp, make('geometry_msgs/msg/PoseStamped', header=header, pose=pose))
+    bag.write(POSE, log_ns, make('geometry_msgs/msg/PoseStamped', header=header, pose=pose))
     if estimate.covariance is None:
         return
     with_covariance = make(
         'geometry_msgs/msg/PoseWithCovariance', pose=pose,
         covariance=covariance_36(estimate.covariance),
     )
-    bag.write(POSE_WITH_COVARIANCE, stamp, make(
+    bag.write(POSE_WITH_COVARIANCE, log_ns, make(
         'geometry_msgs/msg/PoseWithCovarianceStamped', header=header, pose=with_covariance,
     ))
 

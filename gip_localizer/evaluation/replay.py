@@ -9,15 +9,18 @@ Only what the results need is kept of a frame, so that memory does not grow with
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 import time
 from typing import Any
 
+import numpy as np
+
 from gip_localizer.core.arrays import Grey
 from gip_localizer.core.estimate import Estimate
 from gip_localizer.core.raster_map import RasterMap
-from gip_localizer.errors import BagError, ImageError
+from gip_localizer.errors import BagError, ImageError, ParameterError
 from gip_localizer.evaluation.exhibits import WorstFrames
 from gip_localizer.evaluation.run import Run
 from gip_localizer.io.bag_sources import BagMessage, END
@@ -30,6 +33,7 @@ from gip_localizer.io.trajectory import Trajectory
 from gip_localizer.parameters import Parameters
 
 COMPRESSED = IMAGES[1]
+MOST_SECONDS = 1e9
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,17 @@ class Window:
 
     start_s: float = 0.0
     duration_s: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no time (raises ParameterError)."""
+        if not 0.0 <= self.start_s <= MOST_SECONDS:
+            raise ParameterError(
+                f'--start {self.start_s}: expected seconds from 0 to {MOST_SECONDS:g}'
+            )
+        if self.duration_s is not None and not 0.0 < self.duration_s <= MOST_SECONDS:
+            raise ParameterError(
+                f'--duration {self.duration_s}: expected seconds above 0, up to {MOST_SECONDS:g}'
+            )
 
     def log_times(self, bag: Bag) -> tuple[int, int]:
         """Return the first log time (ns) and the one at which to stop."""
@@ -97,6 +112,7 @@ class Replay:
         self._worst = WorstFrames(self.truth, self.raster_map)
         self._complaints: dict[str, str] = {}
         self._doubts: dict[str, tuple[int, str]] = {}
+        self._notes: list[str] = []
         self._pairing = None
         if self.topics.mask is not None:
             self._pairing = MaskPairing(lambda: self.parameters.mask)
@@ -141,13 +157,24 @@ class Replay:
             )
 
     def _calibrate(self, window: Window) -> None:
-        """Take the bag's first CameraInfo where the window leaves its beginning out."""
-        if window.start_s > 0.0:
-            for message in self.bag.messages([self.topics.camera_info.name]):
-                decoded = self.bag.decode(message)
-                if decoded is not None:
-                    self._frontend.on_camera_info(decoded)
-                    return
+        """Take the bag's first CameraInfo where the first image would come without one."""
+        start, stop = window.log_times(self.bag)
+        image = next(self.bag.messages([self.topics.image.name], start, stop), None)
+        for info in self.bag.messages([self.topics.camera_info.name]):
+            decoded = self.bag.decode(info)
+            if decoded is None:
+                continue
+            if image is not None and not start <= info.log_ns < image.log_ns:
+                self._frontend.on_camera_info(decoded)
+                self._note_late_info(info.log_ns - image.log_ns)
+            return
+
+    def _note_late_info(self, late_ns: int) -> None:
+        if late_ns > 0:
+            self._notes.append(
+                f'the first camera_info comes {late_ns * 1e-9:.3f} s after the first image and '
+                'is taken for the images before it too; the node would withhold their poses'
+            )
 
     @property
     def complete(self) -> bool:
@@ -160,7 +187,8 @@ class Replay:
             title=title, estimates=self.estimates, parameters=self.parameters, truth=self.truth,
             raster_map=self.raster_map, exhibits=self._worst.exhibits(),
             wall_seconds=self._seconds, complete=self._complete, sources=sources,
-            notes=[*notes, *self.bag.notes, *self._unusable()],
+            notes=[*notes, *self._notes, *self.bag.notes, *self._unusable(),
+                   *self._truth_elsewhere(), *self._withheld()],
         )
 
     def _take(self, raw: BagMessage, message: Any) -> Iterator[Estimate]:
@@ -217,6 +245,28 @@ class Replay:
             for rule, (times, detail) in self._doubts.items()
         ] + ([f'{self._pairing.dropped} images were overtaken by a newer one with its mask']
              if self._pairing is not None and self._pairing.dropped else [])
+
+    def _truth_elsewhere(self) -> list[str]:
+        """Tell of a truth of another time than the images'."""
+        stamps = np.array([estimate.stamp_ns for estimate in self.estimates], np.int64)
+        if self.truth is None or not len(stamps) or np.isfinite(self.truth.at(stamps)).any():
+            return []
+        spans = [f'{span.min() * 1e-9:.3f} to {span.max() * 1e-9:.3f} s'
+                 for span in (self.truth.stamps_ns, stamps)]
+        return [f'errors are unknown: the ground truth is of {spans[0]}, the images of '
+                f'{spans[1]}; expected stamps of one clock']
+
+    def _withheld(self) -> list[str]:
+        """Tell once for each status why frames gave no pose."""
+        first: dict[str, str] = {}
+        for estimate in self.estimates:
+            if not estimate.published:
+                first.setdefault(str(estimate.status), estimate.reason)
+        times = Counter(str(estimate.status) for estimate in self.estimates)
+        return [
+            f'no pose, {word} in {times[word]} of {len(self.estimates)} frames, first: {reason}'
+            for word, reason in first.items()
+        ]
 
 
 def _or_none(decode: Callable[[Any], Grey], message: Any) -> Grey | None:

@@ -7,6 +7,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
+
 from gip_localizer.errors import OutputError
 from gip_localizer.evaluation.error_table import tabulate_errors
 from gip_localizer.evaluation.metrics import compute_metrics, Metrics
@@ -62,7 +64,8 @@ def _fill(folder: Path, run: Run, metrics: Metrics) -> None:
         for estimate in run.estimates if estimate.pose is not None
     ))
     if run.truth is not None:
-        write_tum(folder / 'ground_truth.tum', run.truth)
+        stamps = np.array([estimate.stamp_ns for estimate in run.estimates], np.int64)
+        write_tum(folder / 'ground_truth.tum', run.truth.with_stamps(stamps))
     text = json.dumps(metrics, indent=2, allow_nan=False, default=str)
     (folder / METRICS_FILE).write_text(text + '\n', encoding='utf-8')
     (folder / 'params.yaml').write_text(dump_parameter_file(run.parameters), encoding='utf-8')

@@ -124,8 +124,8 @@ def _one(topics: Collection[Topic], types: Collection[str], name: str | None, wh
         found = [topic for topic in fitting if topic.name.lstrip('/') == name.lstrip('/')]
         if not found:
             raise BagError(
-                f'no {what} topic {name!r} in the bag ({option}); candidates: '
-                + (_listed(fitting) or 'none')
+                f'no {what} topic {name!r} of type {" or ".join(types)} in the bag ({option}); '
+                f'candidates: {_listed(fitting)}'
             )
         return found[0]
     if len(fitting) > 1:
@@ -176,4 +176,8 @@ def _truth(topics: Collection[Topic], named: TopicNames) -> tuple[Topic | None, 
 
 
 def _listed(topics: Collection[Topic]) -> str:
-    return ', '.join(f'{topic.name} ({topic.msgtype}, {topic.messages})' for topic in topics)
+    return ', '.join(
+        f'{topic.name} ({topic.msgtype or "no type"}, {topic.messages}'
+        + ('' if topic.encoding == 'cdr' else f', encoding {topic.encoding!r} is not read') + ')'
+        for topic in topics
+    ) or 'none'

@@ -114,9 +114,13 @@ class Bag:
                 self._notes.append(f'{topic.name}: skipped, unknown type ({kind}{how})')
 
     def _files(self, path: Path) -> list[Path]:
-        if path.is_dir():
-            return self._files_of_folder(path)
-        if not path.exists():
+        try:
+            if path.is_dir():
+                return self._files_of_folder(path)
+            exists = path.exists()
+        except OSError as error:
+            raise BagError(f'{path}: cannot be read: {error.strerror}') from None
+        if not exists:
             raise BagError(f'{path}: no such bag; give a rosbag2 folder, an .mcap or a .db3 file')
         if path.suffix not in STORAGE:
             hint = ' (convert ROS 1 bags with rosbags-convert)' if path.suffix == '.bag' else ''
@@ -126,14 +130,15 @@ class Bag:
     def _files_of_folder(self, folder: Path) -> list[Path]:
         found = sorted((f for f in folder.iterdir() if f.suffix in STORAGE), key=_natural)
         info = self._metadata(folder)
-        if info is not None and info.get('compression_mode', '').lower() in ('file', 'message'):
+        if str((info or {}).get('compression_mode')).lower() in ('file', 'message'):
             return [folder]
         if not found:
             raise BagError(
                 f'{folder}: holds no .mcap and no .db3 file; give the folder that ros2 bag '
-                'record made'
+                'record made (its .zstd files need their metadata.yaml)'
             )
-        listed = [Path(str(name)).name for name in (info or {}).get('relative_file_paths') or ()]
+        names = (info or {}).get('relative_file_paths')
+        listed = [Path(str(name)).name for name in (names if isinstance(names, list) else ())]
         missing = [name for name in listed if not (folder / name).is_file()]
         if missing:
             self._notes.append(f'{folder}: files of the bag are missing: {", ".join(missing)}')

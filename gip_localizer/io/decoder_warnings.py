@@ -18,7 +18,7 @@ import re
 import tempfile
 import threading
 
-WARNING = re.compile(rb'^[^\n]*(?:JPEG|libpng)[^\n]*\n?', re.MULTILINE)
+WARNING = re.compile(rb'^[^\n]*(?:JPEG|libpng|imread_|imdecode_)[^\n]*\n{0,2}', re.MULTILINE)
 EXTRANEOUS = re.compile(r'(\d+) extraneous bytes')
 STUFFED = 8
 """Extraneous bytes that cameras are known to leave behind a whole picture."""

@@ -7,9 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 import math
-import os
 from pathlib import Path
-import tempfile
 from typing import Any
 
 import cv2
@@ -23,6 +21,8 @@ from gip_localizer.errors import MapError, OutputError
 from gip_localizer.io.decoder_warnings import damage, decoder_warnings
 from gip_localizer.io.images import is_truncated_jpeg
 from gip_localizer.io.map_store import Cells, stored_cells
+from gip_localizer.io.masks import LOOKED_AT
+from gip_localizer.io.output_folder import write_whole
 
 REQUIRED = ('image', 'resolution', 'origin')
 
@@ -63,11 +63,11 @@ def load_map(path: Path | str) -> RasterMap:
     if not isinstance(settings['image'], str):
         raise MapError(f'map {path}: image is {settings["image"]!r}; expected a file name')
     image = path.parent / settings['image']
-    if not image.is_file():
-        raise MapError(f'map {path}: its image {image} does not exist')
+    what = f'map {path}: its image {image}'
+    _check_is_file(what, image)
 
     def decode() -> Cells:
-        grey, valid = _read_image(path, image)
+        grey, valid = _read_image(what, image)
         return (WHITE[grey.dtype] - grey).astype(grey.dtype) if negate else grey, valid
 
     grey, valid = stored_cells(image, 'negated' if negate else 'as-is', decode)
@@ -91,15 +91,18 @@ def load_mask(path: Path | str) -> Grey:
     Raises
     ------
     MapError
-        Missing, unreadable, or not 8 bit.
+        Missing, unreadable, not 8 bit, or black all over.
 
     """
-    try:
-        grey, _ = _read_image(Path(path), Path(path))
-    except MapError as error:
-        raise MapError(f'mask_file: {error}') from None
+    what = f'mask_file {path}'
+    grey, _ = _read_image(what, Path(path))
     if grey.dtype != np.uint8:
-        raise MapError(f'mask {path}: has 16 bits a pixel; expected 8')
+        raise MapError(f'{what} has 16 bits a pixel; expected 8')
+    if grey.max() < LOOKED_AT:
+        raise MapError(
+            f'{what} is black all over (largest value {grey.max()}), so that nothing would be '
+            'looked at; expected 255, and black only where the camera sees its own vehicle'
+        )
     return np.ascontiguousarray(grey)
 
 
@@ -133,8 +136,8 @@ def save_map(raster_map: RasterMap, path: Path | str, *, force: bool = False) ->
          'negate': 0, 'occupied_thresh': 0.65, 'free_thresh': 0.196},
         sort_keys=False, default_flow_style=None,
     )
-    _write_whole(picture, _png(raster_map))
-    _write_whole(path, text.encode())
+    write_whole(picture, _png(raster_map))
+    write_whole(path, text.encode())
 
 
 def _settings(path: Path) -> Mapping[str, Any]:
@@ -143,9 +146,10 @@ def _settings(path: Path) -> Mapping[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         raise MapError(f'map {path}: cannot be read ({error}); expected a nav2 map YAML') from None
     except (yaml.YAMLError, RecursionError) as error:
-        raise MapError(f'map {path}: not valid YAML ({error})') from None
+        raise MapError(f'map {path}: not valid YAML ({" ".join(str(error).split())})') from None
     if not isinstance(settings, dict):
-        raise MapError(f'map {path}: expected the keys {", ".join(REQUIRED)}')
+        found = 'nothing' if settings is None else f'a {type(settings).__name__}'
+        raise MapError(f'map {path}: holds {found}; expected the keys {", ".join(REQUIRED)}')
     missing = [key for key in REQUIRED if key not in settings]
     if missing:
         raise MapError(
@@ -154,38 +158,50 @@ def _settings(path: Path) -> Mapping[str, Any]:
     return settings
 
 
+def _check_is_file(what: str, image: Path) -> None:
+    try:
+        found = image.is_file()
+    except OSError as error:
+        raise MapError(f'{what} cannot be read ({error.strerror})') from None
+    if not found:
+        raise MapError(f'{what} does not exist')
+
+
 def _number(path: Path, key: str, value: object) -> float:
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        with suppress(OverflowError):
+    # YAML 1.1 takes 5e-2 for a word; map_server takes it, and quoted numbers, for the number.
+    if isinstance(value, (int, float, str)) and not isinstance(value, bool):
+        with suppress(OverflowError, ValueError):
             number = float(value)
             if math.isfinite(number):
                 return number
     raise MapError(f'map {path}: {key} holds {str(value)[:40]!r}; expected a finite number')
 
 
-def _pixels(path: Path, image: Path) -> Grey:
-    """Return what the picture of a map holds, in all its channels."""
-    if not image.is_file():
-        raise MapError(f'map {path}: its image {image} does not exist')
+def _pixels(what: str, image: Path) -> Grey:
+    """Return what a picture holds, in all its channels."""
+    _check_is_file(what, image)
     with decoder_warnings() as warnings:
         try:
             pixels = cv2.imread(str(image), cv2.IMREAD_UNCHANGED)
         except (cv2.error, MemoryError) as error:
-            raise MapError(f'map {path}: its image {image} cannot be read ({error})') from None
+            why = ' '.join((getattr(error, 'err', '') or str(error)).split())
+            raise MapError(
+                f'{what} cannot be read ({why}); expected a whole image that fits into memory, '
+                'of at most 2^30 pixels'
+            ) from None
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
         raise MapError(
-            f'map {path}: its image {image} cannot be read; expected an 8 or 16 bit image, '
-            'for example PNG or PGM'
+            f'{what} cannot be read; expected a whole 8 or 16 bit image, for example PNG or PGM'
         )
     if is_truncated_jpeg(image.read_bytes()):
-        raise MapError(f'map {path}: its image {image} is cut off; copy it again')
+        raise MapError(f'{what} is cut off; copy it again')
     if damaged := damage(warnings):
-        raise MapError(f'map {path}: its image {image} is damaged ({damaged}); copy it again')
+        raise MapError(f'{what} is damaged ({damaged}); copy it again')
     return np.asarray(pixels)
 
 
-def _read_image(path: Path, image: Path) -> tuple[Grey, Bools | None]:
-    pixels = _pixels(path, image)
+def _read_image(what: str, image: Path) -> tuple[Grey, Bools | None]:
+    pixels = _pixels(what, image)
     if pixels.ndim == 2:
         return pixels, None
     valid = None
@@ -210,16 +226,3 @@ def _png(raster_map: RasterMap) -> bytes:
     if not done:
         raise OutputError('the map image could not be encoded as PNG')
     return bytes(encoded)
-
-
-def _write_whole(path: Path, content: bytes) -> None:
-    """Write a file by renaming a finished one, so that no half of it can remain."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f'.{path.name}.')
-        with os.fdopen(handle, 'wb') as stream:
-            stream.write(content)
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except OSError as error:
-        raise OutputError(f'{path}: cannot be written ({error})') from None

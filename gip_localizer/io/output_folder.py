@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A folder that is written whole or not at all.
+A folder or file that is written whole or not at all.
 
 It is filled beside its place under a temporary name and renamed, so that a full disk or a
 failure leaves nothing half done and an older folder as it was.
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+import os
 from pathlib import Path
 import shutil
 import tempfile
@@ -104,3 +105,49 @@ def _swap(temporary: Path, out: Path) -> None:
         if not out.exists():
             old.rename(out)
     shutil.rmtree(old)
+
+
+def check_file(out: Path, *, force: bool, suffixes: tuple[str, ...]) -> None:
+    """
+    Refuse an output file before any work is done.
+
+    Parameters
+    ----------
+    out : Path
+        The file.
+    force : bool
+        True: a file of that name may be replaced.
+    suffixes : tuple of str
+        Endings of names that can be written.
+
+    Raises
+    ------
+    OutputError
+        It exists and may not be replaced, is a folder, or of another ending.
+
+    """
+    if out.is_dir():
+        raise OutputError(f'{out} is a folder; name a file in it with --out')
+    if out.suffix.lower() not in suffixes:
+        raise OutputError(
+            f'{out} has the ending {out.suffix!r}; expected one of {", ".join(suffixes)}'
+        )
+    if out.exists() and not force:
+        raise OutputError(f'{out} exists; name another with --out, or give --force')
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file by renaming a finished one; raise OutputError, and leave no half of it."""
+    part = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f'.{path.name}.')
+        part = Path(name)
+        with os.fdopen(handle, 'wb') as stream:
+            stream.write(content)
+        part.chmod(0o644)
+        part.replace(path)
+    except OSError as error:
+        if part is not None:
+            part.unlink(missing_ok=True)
+        raise OutputError(f'{path}: cannot be written ({error.strerror})') from None

@@ -85,6 +85,29 @@ class Trajectory:
         result[between] = self._between(wanted[between], after[between], max_gap_ns)
         return result
 
+    def with_stamps(self, stamps_ns: Stamps) -> Trajectory:
+        """
+        Add the interpolated poses at other stamps, where they are known; its own poses stay.
+
+        Parameters
+        ----------
+        stamps_ns : (m,) int64
+            Nanoseconds, in any order.
+
+        Returns
+        -------
+        Trajectory
+            The same path, for tools that look up the nearest stamp instead of interpolating.
+
+        """
+        wanted = np.asarray(stamps_ns, np.int64)
+        poses = self.at(wanted)
+        known = np.isfinite(poses).all(axis=1)
+        stamps, first = np.unique(
+            np.concatenate([self.stamps_ns, wanted[known]]), return_index=True
+        )
+        return Trajectory(stamps, np.concatenate([self.poses, poses[known]])[first])
+
     def _between(self, wanted: Stamps, after: NDArray[np.intp], max_gap_ns: int) -> Floats:
         start, end = self.stamps_ns[after - 1], self.stamps_ns[after]
         fraction = ((wanted - start) / (end - start))[:, None]
