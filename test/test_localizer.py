@@ -71,6 +71,18 @@ def drive(road: Road, localizer: Localizer, frames: int, *, start: float = 0.1,
     return estimates
 
 
+@pytest.mark.parametrize('first_ns', [0, -5 * S])
+def test_time_may_begin_anywhere(road, first_ns):
+    localizer = make(road)
+    localizer.set_prior(0, road.pose(0.1), VAGUE)
+    for i in range(4):
+        driven = road.pose(0.1 + 0.1 * i * SPEED / road.lane.length)
+        moved = road.pose(0.1).inverse() @ driven
+        localizer.add_odometry(OdometrySample(first_ns + i * 100 * MS, moved, SPEED))
+    found = drive(road, localizer, 4, stamp_ns=first_ns)
+    assert all(estimate.published for estimate in found)
+
+
 @pytest.fixture(scope='module')
 def frame(road):
     pose = road.pose(0.1)

@@ -36,6 +36,8 @@ from gip_localizer.core.windows import Extent, first_fix, followed, whole
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Parameters
 
+NOW = -(1 << 62)  # stamp of a belief that holds at the next frame, whenever that comes
+
 
 class Localizer:
     """
@@ -67,7 +69,7 @@ class Localizer:
         self.standing.started()
         if pose.set:
             covariance = np.diag([pose.sigma_xy**2, pose.sigma_xy**2, pose.sigma_yaw**2])
-            self.tracker.reset(Belief(-(1 << 62), Pose2(pose.x, pose.y, pose.yaw), covariance))
+            self.tracker.reset(Belief(NOW, Pose2(pose.x, pose.y, pose.yaw), covariance))
 
     @property
     def lost(self) -> bool:
@@ -99,7 +101,7 @@ class Localizer:
             NaN or a covariance that is not positive definite; the belief stays as it was.
 
         """
-        self.tracker.reset(checked_prior(stamp_ns, pose, covariance))
+        self.tracker.reset(checked_prior(stamp_ns or NOW, pose, covariance))
         self.standing.started()
         self.standing.wanted = False
         if self._optics is not None:
@@ -193,7 +195,7 @@ class Localizer:
 
     def _prior(self, stamp_ns: int) -> Belief | None:
         belief = self.tracker.belief
-        if belief is not None and (belief.stamp_ns <= 0 or belief.stamp_ns > stamp_ns):
+        if belief is not None and (belief.stamp_ns == NOW or belief.stamp_ns > stamp_ns):
             self.tracker.belief = replace(belief, stamp_ns=stamp_ns)
         return self.tracker.predict(stamp_ns)
 
