@@ -251,3 +251,27 @@ def test_a_huge_declared_map_is_refused_without_its_memory(tmp_path, size):
         assert tracemalloc.get_traced_memory()[1] < 50e6
     finally:
         tracemalloc.stop()
+
+
+@pytest.mark.parametrize('dtype', [np.uint8, np.uint16, np.float32])
+def test_the_noise_of_a_map_comes_back(tmp_path, dtype):
+    white = {np.uint8: 255, np.uint16: 65535}.get(dtype, 1.0)
+    noise = (texture((20, 30)) * 0.2 * white).astype(dtype)
+    saved = RasterMap(GREY16, 0.05, Pose2(1.5, -2.0, 0.3), noise=noise)
+    save_map(saved, tmp_path / 'road.yaml')
+    found = load_map(tmp_path / 'road.yaml').noise
+    assert found is not None
+    depth = 255 if dtype is np.uint8 else 65535
+    np.testing.assert_allclose(found / depth, noise / white, atol=1.0 / depth)
+
+
+@pytest.mark.parametrize(('value', 'pixels', 'word'), [
+    ('noise.png', None, 'does not exist'), ('noise.png', GREY8[:10], '30x10'),
+    ('7', GREY8, 'file name'),
+])
+def test_a_noise_that_cannot_be_used_is_refused(tmp_path, value, pixels, word):
+    path = write(tmp_path, f'{GOOD}noise: {value}\n')
+    if pixels is not None:
+        cv2.imwrite(str(tmp_path / 'noise.png'), pixels)
+    with pytest.raises(MapError, match=f'noise.*{word}'):
+        load_map(path)

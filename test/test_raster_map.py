@@ -169,3 +169,21 @@ def test_smoothing_does_not_let_unknown_cells_leak():
 def test_what_cannot_be_a_map_is_refused(change, word):
     with pytest.raises(MapError, match=word):
         RasterMap(**{'grey': np.zeros((4, 5), np.uint8), 'resolution': 0.1, **change})
+
+
+def test_noise_goes_with_a_map_and_falls_with_averaging():
+    noise = np.full((60, 80), 51, np.uint8)
+    raster_map = RasterMap(np.zeros((60, 80), np.uint8), 0.05, noise=noise)
+    corners = np.array([[1.0, 1.0], [2.0, 2.0]])
+    same, joined = (raster_map.crop(corners, margin=0.2, cell=cell) for cell in (0.05, 0.2))
+    np.testing.assert_allclose(same.noise, 0.2, rtol=1e-6)
+    assert same.noise.shape == same.grey.shape
+    assert same.doubled().noise.shape == same.doubled().grey.shape
+    # 2 x 2 cells are joined, and smoothed to as many again
+    np.testing.assert_allclose(joined.noise, 0.2 / 4.0, rtol=1e-5)
+    np.testing.assert_allclose(same.smoothed(0.1).noise, 0.1, rtol=1e-6)
+
+
+def test_noise_of_another_shape_is_refused():
+    with pytest.raises(MapError, match='noise has shape'):
+        RasterMap(np.zeros((6, 8), np.uint8), 0.05, noise=np.zeros((6, 7), np.uint8))

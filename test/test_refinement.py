@@ -122,3 +122,25 @@ def test_off_the_map_nothing_converges(road):
     found = refiner.refine(refiner.layers(view, weight, Crop(blind)), truth)
     assert not found.converged
     assert found.overlap == 0.0
+
+
+def test_cells_whose_map_is_noisy_and_says_so_hardly_count(road):
+    truth = road.pose(0.1)
+    image = road.frame(CAMERA, truth)
+    start = truth @ Pose2(0.02, 0.02, 0.001)
+    crop = road.map.crop(start.transform(RECTIFIER.grid.corners()), margin=1.5, cell=0.05)
+    # of every two strips of road one was hardly seen when the map was made
+    hardly_seen = (np.arange(crop.grey.shape[0]) // 10 % 2 == 0)[:, None]
+    noise = np.where(hardly_seen, 0.15, 0.0).astype(np.float32) * np.ones_like(crop.grey)
+    refiner = Refiner(RECTIFIER, FIXED, normalized=True, robust=False)
+    view = RECTIFIER.rectify(image)
+    weight = gramian(view.footprint, pixel_noise=0.01, map_noise=0.02)
+    errors = {'told': [], 'not told': []}
+    for seed in range(8):
+        grey = crop.grey + noise * np.random.default_rng(seed).standard_normal(
+            crop.grey.shape).astype(np.float32)
+        for name, known in (('told', noise), ('not told', None)):
+            layers = refiner.layers(view, weight, Crop(replace(crop, grey=grey, noise=known)))
+            found = refiner.refine(layers, start)
+            errors[name].append(math.hypot(*difference(found.pose, truth)[:2]))
+    assert np.mean(errors['told']) < 0.7 * np.mean(errors['not told'])

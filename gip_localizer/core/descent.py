@@ -254,7 +254,18 @@ class Descent:
         if self._columns is None:
             self._columns = self._slopes(samples, sampled, predicted, (x, y))
         known = self._layer.weights
-        return predicted, known if samples.valid is None else known * samples.valid
+        if samples.valid is not None:
+            known = known * samples.valid
+        return predicted, self._less_noise(known, samples)
+
+    def _less_noise(self, weights: Floats, samples: Samples) -> Floats:
+        """Weights (n,) less what the map itself tells of its errors: G = 1/(1/G + a² σ²)."""
+        noise = self._layer.raster_map.noise
+        if noise is None:
+            return weights
+        gain = self._state.exposure[0] if self._state.exposure else 1.0
+        variance = (np.float32(gain) * samples.nearest_of(noise)) ** 2
+        return np.asarray(weights / (np.float32(1.0) + weights * variance))
 
     def _slopes(
         self, samples: Samples, sampled: Floats, predicted: Floats, points: tuple[Floats, Floats]

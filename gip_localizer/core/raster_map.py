@@ -47,6 +47,8 @@ class RasterMap:
         Pose of the lower-left corner of the lower-left cell in the map frame.
     valid : (rows, cols) bool or None
         Cells that hold data; None: all.
+    noise : (rows, cols) uint8, uint16 or float32, or None
+        Standard deviation of each cell's grey, on a full scale as that of grey; None: not told.
 
     Raises
     ------
@@ -59,6 +61,7 @@ class RasterMap:
     resolution: float
     origin: Pose2 = Pose2(0.0, 0.0, 0.0)
     valid: Bools | None = None
+    noise: Grey | None = None
 
     def __post_init__(self) -> None:
         """Refuse what cannot be a map."""
@@ -75,10 +78,17 @@ class RasterMap:
             raise MapError(
                 f'map mask has shape {self.valid.shape}, the map {self.grey.shape}'
             )
+        if self.noise is not None and (
+            self.noise.shape != self.grey.shape or self.noise.dtype not in WHITE
+        ):
+            raise MapError(
+                f'map noise has shape {self.noise.shape} and type {self.noise.dtype}; expected '
+                f'that of the map, {self.grey.shape}, of uint8, uint16 or float32'
+            )
 
     def release(self) -> None:
         """Give back the memory of what was looked at, where the map is mapped from disk."""
-        for array in (self.grey, self.valid):
+        for array in (self.grey, self.valid, self.noise):
             pages: Any = array
             while isinstance(pages, (np.ndarray, memoryview)):
                 pages = pages.base if isinstance(pages, np.ndarray) else pages.obj
@@ -192,16 +202,21 @@ class RasterMap:
             valid = None
         resolution = self.resolution * step
         corner = self.to_map(np.array([high[0] - 0.5, low[1] - 0.5]))
+        noise = None
+        if self.noise is not None:
+            noise = _averaged_noise(self.noise[part], step, cell / resolution)
         if step > 1:
             values, valid = _joined(values, valid, step)
         values, valid = _smoothed(values, valid, cell / resolution)
         origin = Pose2(float(corner[0]), float(corner[1]), self.origin.yaw)
-        return RasterMap(values, resolution, origin, valid)
+        return RasterMap(values, resolution, origin, valid, noise)
 
     def smoothed(self, cell: float) -> RasterMap:
         """Return the map (float32) smoothed for a cell size in metres, at its own resolution."""
-        values, valid = _smoothed(self.grey, self.valid, cell / self.resolution)
-        return RasterMap(values, self.resolution, self.origin, valid)
+        ratio = cell / self.resolution
+        values, valid = _smoothed(self.grey, self.valid, ratio)
+        noise = None if self.noise is None else _averaged_noise(self.noise, 1, ratio)
+        return RasterMap(values, self.resolution, self.origin, valid, noise)
 
     def blurred_slopes(self, sigma: float) -> tuple[Floats, Floats]:
         """
@@ -240,8 +255,9 @@ class RasterMap:
         valid = None
         if self.valid is not None:
             whole = cv2.erode(self.valid.astype(np.uint8), np.ones((3, 3), np.uint8))
-            valid = np.repeat(np.repeat(whole > 0, 2, axis=0), 2, axis=1)
-        return RasterMap(_doubled(values), 0.5 * self.resolution, self.origin, valid)
+            valid = _repeated(whole > 0)
+        noise = None if self.noise is None else _repeated(self.noise)
+        return RasterMap(_doubled(values), 0.5 * self.resolution, self.origin, valid, noise)
 
     def sample(self, xy_map: Floats) -> tuple[Floats, Bools]:
         """
@@ -304,6 +320,21 @@ def _joined(values: Floats, valid: Bools | None, step: int) -> tuple[Floats, Boo
         return joined, None
     share = cv2.resize(valid.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     return joined, share > 0.999
+
+
+def _averaged_noise(noise: Grey, step: int, ratio: float) -> Floats:
+    """Noise (float32) of means over `step` and then `ratio` cells a side that err on their own."""
+    scaled = np.asarray(noise, np.float32) / np.float32(WHITE[noise.dtype])
+    if step > 1:
+        size = (noise.shape[1] // step, noise.shape[0] // step)
+        squares = cv2.resize(scaled**2, size, interpolation=cv2.INTER_AREA)
+        scaled = np.sqrt(squares) / np.float32(step)
+    return np.asarray(scaled / np.float32(max(ratio, 1.0)))
+
+
+def _repeated(cells: Grey) -> Grey:
+    """Twice the rows and columns."""
+    return np.repeat(np.repeat(cells, 2, axis=0), 2, axis=1)
 
 
 def _smoothed(values: Floats, valid: Bools | None, ratio: float) -> tuple[Floats, Bools | None]:

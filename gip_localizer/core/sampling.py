@@ -96,6 +96,10 @@ class Samples:
         index = self._found.index
         return self._along_frame(down.reshape(-1).take(index), right.reshape(-1).take(index))
 
+    def nearest_of(self, cells: Floats) -> Floats:
+        """What another grid (rows, cols) of the same cells holds about each point, (n,)."""
+        return cells.reshape(-1).take(self._found.index)
+
     def _along_frame(self, down: Floats, right: Floats) -> tuple[Floats, Floats]:
         scale = self._scale * np.float32(1.0 / self._resolution)
         cos, sin = np.float32(math.cos(self._yaw)), np.float32(math.sin(self._yaw))

@@ -40,7 +40,8 @@ def load_map(path: Path | str) -> RasterMap:
     -------
     RasterMap
         At the image's full depth; inverted when `negate` is 1. Large maps are read-only, and
-        mapped from disk (`map_store`).
+        mapped from disk (`map_store`). Where the YAML names another image as `noise`, it holds
+        the standard deviation of each cell, on the scale of its own depth.
 
     Raises
     ------
@@ -60,18 +61,31 @@ def load_map(path: Path | str) -> RasterMap:
     negate = settings.get('negate', 0)
     if negate not in (0, 1, False, True):
         raise MapError(f'map {path}: negate is {negate!r}; expected 0 or 1')
-    if not isinstance(settings['image'], str):
-        raise MapError(f'map {path}: image is {settings["image"]!r}; expected a file name')
-    image = path.parent / settings['image']
-    what = f'map {path}: its image {image}'
+    grey, valid = _cells(path, settings, 'image', negate=bool(negate))
+    noise = None
+    if settings.get('noise') is not None:
+        noise, _ = _cells(path, settings, 'noise', negate=False)
+        if noise.shape != grey.shape:
+            raise MapError(
+                f'map {path}: its noise has {noise.shape[1]}x{noise.shape[0]} cells, its image '
+                f'{grey.shape[1]}x{grey.shape[0]}; expected the same'
+            )
+    return RasterMap(grey, resolution, Pose2(x, y, yaw), valid, noise)
+
+
+def _cells(path: Path, settings: Mapping[str, Any], key: str, *, negate: bool) -> Cells:
+    """Return the cells of the picture that a key names."""
+    if not isinstance(settings[key], str):
+        raise MapError(f'map {path}: {key} is {settings[key]!r}; expected a file name')
+    image = path.parent / settings[key]
+    what = f'map {path}: its {key} {image}'
     _check_is_file(what, image)
 
     def decode() -> Cells:
         grey, valid = _read_image(what, image)
         return (WHITE[grey.dtype] - grey).astype(grey.dtype) if negate else grey, valid
 
-    grey, valid = stored_cells(image, 'negated' if negate else 'as-is', decode)
-    return RasterMap(grey, resolution, Pose2(x, y, yaw), valid)
+    return stored_cells(image, 'negated' if negate else 'as-is', decode)
 
 
 def load_mask(path: Path | str) -> Grey:
@@ -108,7 +122,7 @@ def load_mask(path: Path | str) -> Grey:
 
 def save_map(raster_map: RasterMap, path: Path | str, *, force: bool = False) -> None:
     """
-    Write a map as YAML and a PNG of the same name beside it.
+    Write a map as YAML and a PNG of the same name beside it; its noise, if told, as another.
 
     Parameters
     ----------
@@ -126,17 +140,21 @@ def save_map(raster_map: RasterMap, path: Path | str, *, force: bool = False) ->
 
     """
     path = Path(path)
-    picture = path.with_suffix('.png')
-    for file in (path, picture):
+    picture, noise = path.with_suffix('.png'), path.with_name(f'{path.stem}_noise.png')
+    noisy = raster_map.noise is not None
+    for file in (path, picture, *([noise] if noisy else [])):
         if file.exists() and not force:
             raise OutputError(f'{file} exists already, not overwritten; pass another name')
     origin = [float(value) for value in raster_map.origin]
     text = yaml.safe_dump(
         {'image': picture.name, 'resolution': float(raster_map.resolution), 'origin': origin,
-         'negate': 0, 'occupied_thresh': 0.65, 'free_thresh': 0.196},
+         'negate': 0, 'occupied_thresh': 0.65, 'free_thresh': 0.196,
+         **({'noise': noise.name} if noisy else {})},
         sort_keys=False, default_flow_style=None,
     )
-    write_whole(picture, _png(raster_map))
+    write_whole(picture, _png(raster_map.grey, raster_map.valid))
+    if raster_map.noise is not None:
+        write_whole(noise, _png(raster_map.noise, None))
     write_whole(path, text.encode())
 
 
@@ -214,13 +232,12 @@ def _read_image(what: str, image: Path) -> tuple[Grey, Bools | None]:
     return np.asarray(grey), None if valid is None or valid.all() else valid
 
 
-def _png(raster_map: RasterMap) -> bytes:
-    grey = raster_map.grey
+def _png(grey: Grey, valid: Bools | None) -> bytes:
     if grey.dtype == np.float32:
         grey = np.round(np.clip(grey, 0.0, 1.0) * 65535.0).astype(np.uint16)
     pixels = grey
-    if raster_map.valid is not None:
-        alpha = np.where(raster_map.valid, np.iinfo(grey.dtype).max, 0).astype(grey.dtype)
+    if valid is not None:
+        alpha = np.where(valid, np.iinfo(grey.dtype).max, 0).astype(grey.dtype)
         pixels = np.dstack([grey, grey, grey, alpha])
     done, encoded = cv2.imencode('.png', np.ascontiguousarray(pixels))
     if not done:
