@@ -232,15 +232,25 @@ def _oddity(fit: Fit, lattice: Lattice, motion: CameraMotion) -> str | None:
             f'the parts of the view contradict each other: overdispersion '
             f'{fit.overdispersion:.1f}, limit {MOST_OVERDISPERSION:g}'
         )
-    off = difference(lattice.anchor.inverse() @ fit.pose, Pose2(0.0, 0.0, 0.0))
-    beyond = max(abs(off[0]) - lattice.half[0] * lattice.step,
-                 abs(off[1]) - lattice.half[1] * lattice.step)
+    beyond = _beyond(fit, lattice)
     if beyond > MOST_BEYOND:
         return (
             f'the match lies {beyond:.2f} m outside the window that was searched: the prior is '
             'off; give it a larger covariance, or widen search.x and search.y'
         )
     return _swayed_too_far(fit, motion)
+
+
+def lies_beyond(found: Found) -> bool:
+    """Tell whether the best match lies where nothing was compared with it."""
+    return bool(found.fits) and _beyond(found.fits[0], found.scores.lattice) > MOST_BEYOND
+
+
+def _beyond(fit: Fit, lattice: Lattice) -> float:
+    """How far a match lies outside a window, metres; negative inside."""
+    off = difference(lattice.anchor.inverse() @ fit.pose, Pose2(0.0, 0.0, 0.0))
+    return float(max(abs(off[0]) - lattice.half[0] * lattice.step,
+                     abs(off[1]) - lattice.half[1] * lattice.step))
 
 
 def _swayed_too_far(fit: Fit, motion: CameraMotion) -> str | None:

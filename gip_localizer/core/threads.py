@@ -42,12 +42,14 @@ def use_one_blas_thread() -> None:
 
 
 def use_one_thread() -> None:
-    """Do all work in the calling thread, OpenCV's too, from now on; results stay the same."""
-    import cv2  # loads NumPy, which may come only after `use_one_blas_thread`
+    """
+    Do all work in the calling thread from now on; results stay the same.
 
+    OpenCV keeps its threads: with another number of them its sums end in other bits.
+
+    """
     global WORKERS
     WORKERS = 1
-    cv2.setNumThreads(1)
 
 
 def in_parallel(
