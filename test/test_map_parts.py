@@ -12,7 +12,7 @@ from gip_localizer.core.footprints import Grid
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import MapError
 from gip_localizer.evaluation import tiled_sums
-from gip_localizer.evaluation.exposure import Exposure, fit_exposure
+from gip_localizer.evaluation.exposure import fit_exposure
 from gip_localizer.evaluation.map_building import MapBuilder
 from gip_localizer.evaluation.map_drawing import draw
 from gip_localizer.evaluation.shading import fit_shading, SeenTwice, Shading
@@ -87,25 +87,34 @@ def test_noise_of_the_map_does_not_lower_the_gain(gain):
     rng = np.random.default_rng(2)
     road, count = 0.4 + 0.1 * rng.standard_normal(4000), 4000
     sigma = 0.05
-    value = gain * road + 0.1 + sigma * gain * rng.standard_normal(count)
+    value = gain * road + 0.03 + sigma * gain * rng.standard_normal(count)
     reference = road + sigma * rng.standard_normal(count)
     value[:300] = 0.9  # a car
     noise_sq = np.full(count, (sigma * gain)**2), np.full(count, sigma**2)
-    found = fit_exposure(value, reference, noise_sq, Exposure())
+    found = fit_exposure(value, reference, noise_sq)
     assert found is not None
     assert found.gain == pytest.approx(gain, rel=0.06)
-    assert found.offset == pytest.approx(0.1, abs=0.02 * max(gain, 1.0))
+    assert found.offset == pytest.approx(0.03, abs=0.02 * max(gain, 1.0))
 
 
-def test_a_road_without_contrast_keeps_the_last_gain():
+def test_a_road_without_contrast_tells_its_gain_by_brightness():
     rng = np.random.default_rng(3)
-    value, reference = (0.4 + 0.01 * rng.standard_normal(500) for _ in range(2))
+    value, reference = (level + 0.01 * rng.standard_normal(500) for level in (0.6, 0.4))
     noise_sq = np.full(500, 1e-4), np.full(500, 1e-4)
-    found = fit_exposure(value, reference, noise_sq, Exposure(1.3, 0.2))
-    assert found is not None
-    assert found.gain == 1.3
-    assert found.offset == pytest.approx(0.4 - 1.3 * 0.4, abs=0.01)
-    assert fit_exposure(value[:5], reference[:5], (value[:5], value[:5]), Exposure()) is None
+    found = fit_exposure(value, reference, noise_sq)
+    assert found == pytest.approx((1.5, 0.0), abs=0.01)
+    assert fit_exposure(value[:5], reference[:5], (value[:5], value[:5])) is None
+
+
+def test_gains_do_not_grow_where_frames_lie_askew():
+    """Each frame has more contrast than the mean of all that lie askew."""
+    rng, road = np.random.default_rng(6), np.random.default_rng(7).random(2000)
+    frames = [0.35 + 0.1 * (road + rng.random(2000) - 1.0) for _ in range(100)]
+    mean, noise_sq = frames[0], np.full(2000, 1e-6)
+    for k, frame in enumerate(frames[1:], 1):
+        found = fit_exposure(frame, mean, (noise_sq, noise_sq / k))
+        mean = (k * mean + (frame - found.offset) / found.gain) / (k + 1)
+    assert found.gain == pytest.approx(1.0, abs=0.1)
 
 
 def pairs(shading, count=6, noise=0.004):

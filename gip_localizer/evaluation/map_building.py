@@ -25,7 +25,7 @@ from gip_localizer.evaluation.map_noise import cell_noise, G, GV, KINDS, spill
 from gip_localizer.evaluation.tiled_sums import Box, TiledSums
 
 LEAST_WEIGHT = 400.0  # of a cell: one whose grey is not known to 0.05 is left out
-JOINED = 6  # cells a side of the blocks on which exposures are compared
+JOINED = (6, 3, 1)  # cells a side of the blocks on which exposures are compared, at best
 FULL = 65535.0
 
 
@@ -91,12 +91,12 @@ class MapBuilder:
         if self.frames == 0:
             return Exposure()
         held = self._sums.window(drawn.box)
-        value, reference, noise_sq = joined(drawn, held)
-        found = fit_exposure(value, reference, noise_sq, self.exposures[-1])
-        if found is None:
-            self.unjoined += 1
-            return self.exposures[-1]
-        return found
+        for side in JOINED:
+            found = fit_exposure(*joined(drawn, held, side))
+            if found is not None:
+                return found
+        self.unjoined += 1
+        return self.exposures[-1]
 
     def map(self) -> RasterMap:
         """
@@ -129,7 +129,9 @@ class MapBuilder:
         )
 
 
-def joined(drawn: Drawn, held: Floats) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
+def joined(
+    drawn: Drawn, held: Floats, side: int
+) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
     """
     Return frame and map on blocks of cells that both know, (n,) each, and their variances.
 
@@ -137,7 +139,7 @@ def joined(drawn: Drawn, held: Floats) -> tuple[Floats, Floats, tuple[Floats, Fl
     that others saw from afar; on blocks both show the same.
 
     """
-    rows, cols = (side // JOINED * JOINED for side in drawn.box[2:])
+    rows, cols = (length // side * side for length in drawn.box[2:])
     weight, value = drawn.weight[:rows, :cols], drawn.layers[0, :rows, :cols]
     total, sums = held[G, :rows, :cols], held[GV, :rows, :cols]
     both = (weight > 0.0) & (total > 0.0)
@@ -145,9 +147,9 @@ def joined(drawn: Drawn, held: Floats) -> tuple[Floats, Floats, tuple[Floats, Fl
     share = np.where(both, 1.0 / (1.0 / safe + 1.0 / safe_total), 0.0)
 
     def block(cells: Floats) -> Floats:
-        return np.asarray(cells.reshape(rows // JOINED, JOINED, -1, JOINED).sum(axis=(1, 3)))
+        return np.asarray(cells.reshape(rows // side, side, cols // side, side).sum(axis=(1, 3)))
 
-    whole = block(both.astype(float)) >= JOINED**2
+    whole = block(both.astype(float)) >= side**2
     shares = block(share)[whole]
     frame, reference = (
         block(share * cells)[whole] / shares for cells in (value, sums / safe_total)

@@ -58,22 +58,30 @@ def fit_shading(pairs: Sequence[SeenTwice]) -> Shading:
 
     """
     pairs = [pair for pair in pairs if len(pair.weight) >= LEAST_CELLS]
+    if not pairs:
+        return Shading()
+    found = _solved(pairs, 2)
+    if found.min() < 0.0:  # no lens does that: too little is told for two coefficients
+        found = _solved(pairs, 1)
+    shading = Shading(float(found[0]), float(found[1]))
+    return shading if LIFT[0] <= shading.lift(np.array(1.0)) <= LIFT[1] else Shading()
+
+
+def _solved(pairs: Sequence[SeenTwice], count: int) -> Floats:
+    """Return both coefficients (2,), the first `count` of them fitted and others 0."""
     found: Floats = np.zeros(2)
     kept: list[Bools] = [np.ones(len(pair.weight), bool) for pair in pairs]
     gains = [1.0] * len(pairs)
-    for _ in range(PASSES if pairs else 0):
+    for _ in range(PASSES):
         normal, right = 1e-9 * np.eye(2), np.zeros(2)
         for pair, keep, gain in zip(pairs, kept, gains, strict=True):
-            (terms, target), _ = _free_of_exposure(pair, keep, gain)
+            terms, target = _free_of_exposure(pair, keep, gain)
             normal += terms.T @ terms
             right += terms.T @ target
-        found = np.linalg.solve(normal, right)
+        found[:count] = np.linalg.solve(normal[:count, :count], right[:count])
         for k, pair in enumerate(pairs):
             gains[k], kept[k] = _judged(pair, kept[k], gains[k], found)
-    corners = 1.0 + found[0] * np.array([0.5, 1.0]) + found[1] * np.array([0.25, 1.0])
-    if np.any(corners < LIFT[0]) or np.any(corners > LIFT[1]):
-        return Shading()
-    return Shading(float(found[0]), float(found[1]))
+    return found
 
 
 def _terms(pair: SeenTwice, gain: float) -> tuple[Floats, Floats]:
@@ -85,14 +93,14 @@ def _terms(pair: SeenTwice, gain: float) -> tuple[Floats, Floats]:
 
 def _free_of_exposure(
     pair: SeenTwice, keep: Bools, gain: float
-) -> tuple[tuple[Floats, Floats], Floats]:
+) -> tuple[Floats, Floats]:
     """Return terms and target, weighted, without what gain and offset can explain."""
     root = np.sqrt(pair.weight[keep] / pair.weight[keep].sum())[:, None]
     shades, exposure = _terms(pair, gain)
     basis, _ = np.linalg.qr(exposure[keep] * root)
     columns = np.column_stack([shades[keep], pair.value[1][keep]]) * root
     free = columns - basis @ (basis.T @ columns)
-    return (free[:, :2], free[:, 2]), basis
+    return free[:, :2], free[:, 2]
 
 
 def _judged(pair: SeenTwice, keep: Bools, gain: float, found: Floats) -> tuple[float, Bools]:
