@@ -72,8 +72,8 @@ def test_a_map_that_grows_too_large_is_told(monkeypatch):
     assert builder.add(view, weight, Pose2(0.0, 0.0, 0.0))
     with pytest.raises(MapError, match='--resolution'):
         builder.add(view, weight, Pose2(1e5, 1e5, 0.0))
-    monkeypatch.setattr(tiled_sums, 'MOST_SUMMED', 2)
-    with pytest.raises(MapError, match='million seen'):
+    monkeypatch.setattr(tiled_sums, 'MOST_CELLS', 60_000)
+    with pytest.raises(MapError, match='at most 0 million'):
         builder.add(view, weight, Pose2(30.0, 0.0, 0.0))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.raster_map import RasterMap
-from gip_localizer.errors import BagError, ImageError, TrajectoryError
+from gip_localizer.errors import BagError, GipError, ImageError, TrajectoryError
 from gip_localizer.evaluation.map_building import MapBuilder
 from gip_localizer.evaluation.map_drawing import draw, Drawn
 from gip_localizer.evaluation.map_settings import MapSettings
@@ -47,7 +47,7 @@ class MappedDrive:
     bag, topics : Bag, Topics
         Image and camera_info are read.
     parameters : Parameters
-        `camera.*`, `birdseye.*`, `mask_file` and `score.pixel_noise`.
+        As SurveyCamera takes (and refuses) them.
     poses : Trajectory
         Of base_link in the map frame.
     settings : MapSettings
@@ -55,21 +55,12 @@ class MappedDrive:
 
     Attributes
     ----------
-    builder : MapBuilder
-        The map as far as it went.
-    camera : SurveyCamera
-        With the shading that was found.
+    builder, camera : MapBuilder, SurveyCamera
+        The map as far as it went, and with which shading.
     frames : int
         Frames looked at.
-    skipped : Counter
-        Kind → frames that were not used.
-    first : dict
-        Kind → what was found the first time.
-
-    Raises
-    ------
-    GipError
-        As SurveyCamera.
+    skipped, first : Counter, dict
+        Kind → frames that were not used, and what was found the first time.
 
     """
 
@@ -110,7 +101,7 @@ class MappedDrive:
                 self.first.setdefault(kind, found)
             on_frame()
         if self.builder.frames == 0:
-            self._nothing_used()
+            raise self._nothing_used()
         return self.builder.map()
 
     def _messages(self) -> Iterator[Any]:
@@ -148,8 +139,8 @@ class MappedDrive:
 
     def _pairs(self) -> Iterator[SeenTwice]:
         """Yield what pairs of frames saw both, about `PAIRS` of them."""
-        settings = self._settings
-        count = self._topics.image.messages * settings.window.share(self._bag) / settings.every
+        share = self._settings.window.share(self._bag) / self._settings.every
+        count = self._topics.image.messages * share
         step, start = max(int(count / PAIRS), 1), 0
         begun: tuple[Pose2, Drawn] | None = None
         for number, message in enumerate(self._messages()):
@@ -175,22 +166,22 @@ class MappedDrive:
         layers = (view.patch, self.camera.radius_sq)
         return draw(layers, weight, view.grid, pose, self._settings.resolution)
 
-    def _nothing_used(self) -> None:
-        """Raise what is to be said where no frame was used."""
+    def _nothing_used(self) -> GipError:
+        """Return what is to be said where no frame was used."""
         name = self._topics.image.name
         if self.frames == 0:
-            raise BagError(f'no image of {name} lies in the part of the bag asked for; see '
-                           '--start and --duration')
+            return BagError(f'no image of {name} lies in the part of the bag asked for; see '
+                            '--start and --duration')
         if self.skipped[NO_POSE]:
             span = self._poses.stamps_ns[[0, -1]] * 1e-9
-            raise TrajectoryError(
+            return TrajectoryError(
                 f'no pose for any image: the poses are of {span[0]:.3f} to {span[1]:.3f} s, the '
                 f'first image without one {self.first[NO_POSE]}; expected stamps of one clock, '
                 f'no more than {self._settings.max_gap_s:g} s apart (--max-gap)'
             )
         kind = next(iter(self.skipped))
-        raise BagError(f'none of {self.frames} images of {name} can be used, the first is '
-                       f'{kind}: {self.first[kind]}')
+        return BagError(f'none of {self.frames} images of {name} can be used, the first is '
+                        f'{kind}: {self.first[kind]}')
 
 
 def _seen_twice(one: Drawn, other: Drawn) -> SeenTwice:

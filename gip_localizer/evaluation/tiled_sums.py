@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from gip_localizer.errors import MapError
 
 TILE = 128
-MOST_SUMMED = 2**26 // TILE**2  # tiles: two GB of sums
-MOST_CELLS = 2**27  # of the picture: a GB of 16 bit grey and alpha
+MOST_CELLS = 2**25  # of the picture: 290 x 290 m of 5 cm, for which some GB are needed at last
 
 
 class Box(NamedTuple):
@@ -82,13 +81,11 @@ class TiledSums:
         if not new:
             return
         box = _around([*self._tiles, *new])
-        if len(self._tiles) + len(new) > MOST_SUMMED or box.rows * box.cols > MOST_CELLS:
+        if box.rows * box.cols > MOST_CELLS:
             raise MapError(
-                f'the map would have {box.cols} x {box.rows} cells, '
-                f'{(len(self._tiles) + len(new)) * TILE**2 / 1e6:.0f} million of them seen; '
-                f'expected at most {MOST_CELLS / 1e6:.0f} million, and '
-                f'{MOST_SUMMED * TILE**2 / 1e6:.0f} million seen. Take a coarser --resolution, '
-                'or map parts of the drive with --start and --duration'
+                f'the map would have {box.cols} x {box.rows} cells; expected at most '
+                f'{MOST_CELLS / 1e6:.0f} million. Take a coarser --resolution, or map parts of '
+                'the drive with --start and --duration'
             )
 
 
