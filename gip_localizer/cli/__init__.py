@@ -16,6 +16,7 @@ import sys
 from gip_localizer import __version__
 from gip_localizer.cli import (
     bench,
+    build_map,
     check_calibration,
     compare,
     demo,
@@ -28,7 +29,9 @@ from gip_localizer.cli import (
 from gip_localizer.core.threads import use_one_blas_thread
 from gip_localizer.errors import GipError
 
-VERBS = (demo, simulate, replay, compare, evaluate, check_calibration, paper, params, bench)
+VERBS = (
+    demo, simulate, replay, compare, build_map, check_calibration, evaluate, paper, params, bench
+)
 INTERRUPTED = 130
 
 use_one_blas_thread()  # read when NumPy is loaded, which only the verbs do

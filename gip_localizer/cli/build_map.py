@@ -1,0 +1,169 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""`gip map`: a map of the road from a drive whose poses are known."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+import sys
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gip_localizer.core.raster_map import RasterMap
+    from gip_localizer.evaluation.map_drive import MappedDrive
+    from gip_localizer.evaluation.map_settings import MapSettings
+    from gip_localizer.io.bag_topics import Topics
+    from gip_localizer.io.bags import Bag
+    from gip_localizer.io.trajectory import Trajectory
+    from gip_localizer.parameters import Parameters
+
+DEFAULT_OUT = Path('results/map/map.yaml')
+EXAMPLES = """examples:
+  gip map survey --out road.yaml                      poses from the bag's ground truth
+  gip map survey --poses rtk.tum --out road.yaml      poses from a TUM file (base_link in map)
+  gip map survey --set camera.pitch=0.26 --set birdseye.far=9 --resolution 0.04
+  gip map survey --start 30 --duration 60 --every 3   a part of the drive, every third frame
+  gip replay another_drive --map road.yaml            localize on it
+
+Beside road.yaml come road.png (16 bit grey, transparent where nothing was seen) and
+road_noise.png (standard deviation of each cell, full scale 1). The camera's pose must be
+calibrated, and the poses good to a fraction of a cell: what they err by is blurred into the map.
+"""
+
+
+def add_parser(verbs: Any) -> None:
+    """Add the verb to the parser of `gip`."""
+    parser = verbs.add_parser(
+        'map', help='build a road map from a drive whose poses are known', epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Add the bird\'s-eye views of a drive up to a map: every cell is the mean of\n'
+                    'all frames that saw it, near views counting most.',
+    )
+    parser.add_argument('bag', nargs='+', type=Path, metavar='BAG',
+                        help='rosbag2 folder, .mcap or .db3 file; several are merged by time')
+    parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='YAML',
+                        help=f'map to write (default: {DEFAULT_OUT})')
+    parser.add_argument('--force', action='store_true', help='replace a map of that name')
+    parser.add_argument('--resolution', type=float, metavar='M',
+                        help='side of a cell (default: birdseye.resolution)')
+    poses = parser.add_argument_group('poses of base_link in the map frame')
+    one = poses.add_mutually_exclusive_group()
+    one.add_argument('--truth', '--ground-truth', metavar='TOPIC',
+                     help='topic of the bag (default: the one that is called so)')
+    one.add_argument('--poses', type=Path, metavar='FILE', help='TUM file')
+    poses.add_argument('--max-gap', type=float, default=0.2, metavar='S',
+                       help='longest time between two poses to interpolate (default: 0.2)')
+    tune = parser.add_argument_group('parameters')
+    tune.add_argument('--params', type=Path, metavar='FILE',
+                      help='ROS parameter YAML (default: params.yaml beside the bag, if there)')
+    tune.add_argument('--set', action='append', default=[], metavar='NAME=VALUE', dest='settings',
+                      help='one parameter; repeatable, e.g. --set camera.pitch=0.26')
+    part = parser.add_argument_group('part of the bag')
+    part.add_argument('--image-topic', metavar='TOPIC')
+    part.add_argument('--camera-info-topic', metavar='TOPIC')
+    part.add_argument('--every', type=int, default=1, metavar='N', help='use every Nth frame')
+    part.add_argument('--start', type=float, default=0.0, metavar='S',
+                      help='seconds after the bag\'s first message')
+    part.add_argument('--duration', type=float, metavar='S', help='seconds to map')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Build the map, write it, print the table."""
+    from gip_localizer.cli.settings import ctrl_c
+    from gip_localizer.evaluation.map_drive import MappedDrive
+    from gip_localizer.evaluation.map_settings import MapSettings
+    from gip_localizer.evaluation.replay import Window
+    from gip_localizer.io.bags import Bag
+    from gip_localizer.io.map_files import save_map
+    from gip_localizer.io.output_folder import check_file
+
+    check_file(args.out, force=args.force, suffixes=('.yaml', '.yml'))
+    for end in ('.png', '_noise.png'):
+        check_file(args.out.with_name(args.out.stem + end), force=args.force, suffixes=('.png',))
+    parameters = _parameters(args)
+    resolution = parameters.birdseye.resolution if args.resolution is None else args.resolution
+    settings = MapSettings(resolution, args.every, args.max_gap,
+                           Window(args.start, args.duration))
+    bag = Bag(args.bag)
+    topics, poses, notes = _poses(args, bag, parameters)
+    drive = MappedDrive(bag, topics, parameters, poses, settings)
+    with ctrl_c(heard=True):
+        raster_map = _with_progress(drive, settings, bag, topics)
+    save_map(raster_map, args.out, force=args.force)
+    for note in [*notes, *bag.notes]:
+        print(f'gip: {note}', file=sys.stderr)
+    _tell(drive, raster_map, args.out)
+    return 0
+
+
+def _parameters(args: argparse.Namespace) -> Parameters:
+    from gip_localizer.cli.settings import parse_settings
+    from gip_localizer.parameters import load_parameter_file, Parameters
+
+    beside = (args.bag[0] if args.bag[0].is_dir() else args.bag[0].parent) / 'params.yaml'
+    path = args.params or (beside if beside.is_file() else None)
+    parameters = load_parameter_file(path) if path else Parameters()
+    return parameters.replace(parse_settings(args.settings, Parameters))
+
+
+def _poses(args: argparse.Namespace, bag: Bag,
+           parameters: Parameters) -> tuple[Topics, Trajectory, list[str]]:
+    """Return topics, poses and what is to be said of them."""
+    from gip_localizer.errors import TrajectoryError
+    from gip_localizer.evaluation.truth import read_truth
+    from gip_localizer.io.bag_topics import choose_topics, TopicNames, TRUTH
+    from gip_localizer.io.trajectory import read_tum
+
+    poses = None if args.poses is None else read_tum(args.poses)
+    named = TopicNames(args.image_topic, args.camera_info_topic, truth=args.truth)
+    topics = choose_topics(bag, named, find_truth=poses is None)
+    notes = list(topics.notes)
+    if poses is None:
+        poses, said = read_truth(bag, topics, parameters.frames.map)
+        notes += said
+    if poses is None:
+        raise TrajectoryError(
+            'the bag tells no poses to build a map with; give a TUM file with --poses, or a topic '
+            f'with --truth (types: {", ".join(TRUTH)})' + ''.join(f'\n  {n}' for n in notes)
+        )
+    return topics, poses, notes
+
+
+def _with_progress(drive: MappedDrive, settings: MapSettings, bag: Bag,
+                   topics: Topics) -> RasterMap:
+    from tqdm import tqdm
+
+    total = round(topics.image.messages * settings.window.share(bag) / settings.every)
+    with tqdm(total=total or None, unit='frame', disable=None, file=sys.stderr) as bar:
+        return drive.run(bar.update)
+
+
+def _tell(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None:
+    import numpy as np
+
+    from gip_localizer.core.raster_map import WHITE
+    from gip_localizer.evaluation.metrics import format_table, Row
+
+    valid, noise = raster_map.valid, raster_map.noise
+    assert valid is not None
+    assert noise is not None
+    low_x, low_y, high_x, high_y = raster_map.bounds
+    gains = [exposure.gain for exposure in drive.builder.exposures]
+    corner = float(drive.camera.shading.lift(np.array(1.0)))
+    told = np.median(noise[valid]) / WHITE[noise.dtype]
+    rows = [
+        Row('frames used', str(drive.builder.frames), ''),
+        *(Row(f'frames skipped: {kind}', str(count), drive.first[kind])
+          for kind, count in drive.skipped.items()),
+        Row('frames that overlap none before', str(drive.builder.unjoined), ''),
+        Row('gain against the first frame', f'{min(gains):.3f} to {max(gains):.3f}', ''),
+        Row('corners of the image lifted by', f'{corner:.3f}', ''),
+        Row('cells seen', str(int(valid.sum())), f'of {raster_map.resolution:g} m'),
+        Row('x', f'{low_x:.2f} to {high_x:.2f}', 'm'),
+        Row('y', f'{low_y:.2f} to {high_y:.2f}', 'm'),
+        Row('noise of a cell, median', f'{told:.4f}', 'of full scale'),
+    ]
+    print(format_table(rows))
+    print(f'\nmap: {out}, its picture: {out.with_suffix(".png")}')
