@@ -26,8 +26,8 @@ def add_parser(verbs: Any) -> None:
     )
     parser.add_argument('--suite', action='append', choices=(*SUITES, 'all'), dest='suites',
                         help='what to try; repeatable (default: all)')
-    parser.add_argument('--frames', type=_count, default=100, metavar='N',
-                        help='frames per condition (default: 100)')
+    parser.add_argument('--frames', type=_count, default=60, metavar='N',
+                        help='frames per condition (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=0, metavar='S',
                         help='of worlds, places, starts and noise (default: 0)')
     parser.add_argument('--set', action='append', default=[], metavar='NAME=VALUE',
