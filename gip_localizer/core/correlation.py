@@ -165,17 +165,17 @@ def by_patches(
     patches = _room('patches', (len(fields), n_x, n_y, *canvas))
     patches[...] = sliding_window_view(fields, canvas, axis=(1, 2))
     flat = patches.reshape(len(fields), n_x * n_y, cells)
-    for start in range(0, yaws, PRODUCT_YAWS):
-        batch = range(start, min(start + PRODUCT_YAWS, yaws))
-        turned = _room('turned', (_templates(terms), len(batch), *canvas))
-        for template, rooms in enumerate(turned):
-            for yaw, room in zip(batch, rooms, strict=True):
-                turn(yaw, template, room)
-        rows = turned.reshape(len(turned), len(batch), cells)
-        sums = np.stack([
-            sum(rows[template] @ flat[field].T for template, field in term) for term in terms
-        ])
-        sink(batch, sums.reshape(len(terms), len(batch), n_x, n_y))
+    turned = _room('turned', (_templates(terms), *canvas))
+    sums = np.empty((len(terms), yaws, n_x * n_y), np.float32)
+    for yaw in range(yaws):
+        for template, room in enumerate(turned):
+            turn(yaw, template, room)
+        rows = turned.reshape(len(turned), cells)
+        for out, term in zip(sums[:, yaw], terms, strict=True):
+            out[...] = 0.0
+            for template, field in term:
+                out += flat[field] @ rows[template]
+    sink(range(yaws), sums.reshape(len(terms), yaws, n_x, n_y))
 
 
 def by_products(
