@@ -10,7 +10,7 @@ The one thread setting of BLAS, FFT and OpenCV.
   The setting is read when NumPy is loaded, so `ros` and `cli` make it before.
 - The FFTs get no threads of their own: there are always more yaws than cores.
 - OpenCV keeps its default; what is called here per yaw is too small for it to divide.
-- A process that shares the cores with others of its kind does all in one thread
+- A process that shares the cores with others of its kind takes no threads of ours
   (`use_one_thread`).
 
 """

@@ -16,15 +16,14 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats, Grey
 from gip_localizer.core.birdseye import Rectifier, View
-from gip_localizer.core.calibration import Calibration
-from gip_localizer.core.camera import CameraModel, Extrinsics
+from gip_localizer.core.camera import CameraModel
 from gip_localizer.errors import BagError
 from gip_localizer.evaluation.lane_lines import lane_lines, LaneLine, pitch_excess
 from gip_localizer.evaluation.report_figures import ESTIMATE, STYLE, WRONG
 from gip_localizer.io.bag_topics import IMAGES, Topics
 from gip_localizer.io.bags import Bag
 from gip_localizer.io.images import compressed_grey_image, grey_image
-from gip_localizer.io.messages import calibration
+from gip_localizer.io.recorded_camera import recorded_camera
 from gip_localizer.parameters import Parameters
 
 
@@ -96,10 +95,7 @@ def check_calibration(
         Nothing can be read, or the view sees no road.
 
     """
-    numbers = _calibration(bag, topics)
-    at = parameters.camera
-    extrinsics = Extrinsics(at.x, at.y, at.z, at.roll, at.pitch, at.yaw)
-    camera = CameraModel(numbers, extrinsics, rectified=at.rectified)
+    camera, at = recorded_camera(bag, topics, parameters), parameters.camera
     rectifier = Rectifier(camera, parameters.birdseye)
     decode = compressed_grey_image if topics.image.msgtype == IMAGES[1] else grey_image
     step = max(topics.image.messages // most, 1)
@@ -119,14 +115,6 @@ def check_calibration(
 
 def _worth(frame: CheckedFrame) -> tuple[bool, int]:
     return frame.excess is not None, len(frame.lines)
-
-
-def _calibration(bag: Bag, topics: Topics) -> Calibration:
-    for message in bag.messages([topics.camera_info.name]):
-        decoded = bag.decode(message)
-        if decoded is not None:
-            return calibration(decoded)
-    raise BagError(f'no camera_info of {topics.camera_info.name} can be read')
 
 
 def check_picture(check: CalibrationCheck, kind: str) -> bytes:

@@ -11,17 +11,16 @@ import numpy as np
 
 from gip_localizer.core.arrays import Bools, Floats, Grey
 from gip_localizer.core.birdseye import Rectifier, View
-from gip_localizer.core.calibration import Calibration
-from gip_localizer.core.camera import CameraModel, Extrinsics
+from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.gramian import estimate_pixel_noise, gramian
-from gip_localizer.errors import BagError, CalibrationError, ImageError
+from gip_localizer.errors import CalibrationError, ImageError
 from gip_localizer.evaluation.shading import Shading
 from gip_localizer.io.bag_topics import IMAGES, Topics
 from gip_localizer.io.bags import Bag
 from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.map_files import load_mask
 from gip_localizer.io.masks import fitting
-from gip_localizer.io.messages import calibration
+from gip_localizer.io.recorded_camera import recorded_camera
 from gip_localizer.parameters import Parameters
 
 FINER = 2  # view cells along a map cell, so that edges stay sharp
@@ -59,9 +58,7 @@ class SurveyCamera:
 
     def __init__(self, bag: Bag, topics: Topics, parameters: Parameters,
                  resolution: float) -> None:
-        at = parameters.camera
-        extrinsics = Extrinsics(at.x, at.y, at.z, at.roll, at.pitch, at.yaw)
-        self._camera = CameraModel(_calibration(bag, topics), extrinsics, rectified=at.rectified)
+        self._camera = recorded_camera(bag, topics, parameters)
         self._compressed = topics.image.msgtype == IMAGES[1]
         self._noise = parameters.score.pixel_noise
         self._mask = load_mask(parameters.mask_file) if parameters.mask_file else None
@@ -124,11 +121,3 @@ def _radius_sq(camera: CameraModel, rectifier: Rectifier) -> Floats:
     half = 0.25 * (camera.width**2 + camera.height**2)
     radius_sq = np.sum((np.nan_to_num(uv) - camera.K[:2, 2]) ** 2, axis=1) / half
     return np.where(rectifier.valid, radius_sq.reshape(rectifier.valid.shape), 0.0)
-
-
-def _calibration(bag: Bag, topics: Topics) -> Calibration:
-    for message in bag.messages([topics.camera_info.name]):
-        decoded = bag.decode(message)
-        if decoded is not None:
-            return calibration(decoded)
-    raise BagError(f'no camera_info of {topics.camera_info.name} can be read')
