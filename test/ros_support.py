@@ -26,6 +26,8 @@ from sensor_msgs.msg import CameraInfo, Image  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
 PATIENCE = 60.0  # s: a busy machine takes its time
+SETTLING = 0.2  # s: a server that does not know of its client yet drops the answer
+ANSWER = 15.0  # s: after it an answer counts as lost, and the question is put again
 
 
 class Tester(Node):
@@ -64,6 +66,12 @@ class Tester(Node):
                 assert alive.poll() is None, f'the node ended while waiting for {what}'
             self.executor_.spin_once(timeout_sec=0.05)
 
+    def spin(self, seconds):
+        """Listen for a while."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.executor_.spin_once(timeout_sec=0.01)
+
     def matched(self):
         publishers = (self.image, self.info, self.odom, self.initial)
         heard = all(publisher.get_subscription_count() for publisher in publishers)
@@ -73,10 +81,20 @@ class Tester(Node):
         """Call a service and return its answer."""
         client = self.create_client(kind, name)
         self.until(client.service_is_ready, f'service {name}')
-        future = client.call_async(request)
-        self.until(future.done, f'an answer from {name}')
+        self.spin(SETTLING)
+        asked = [client.call_async(request)]
+        last = time.monotonic()
+
+        def answered():
+            nonlocal last
+            if time.monotonic() - last > ANSWER:
+                asked.append(client.call_async(request))
+                last = time.monotonic()
+            return any(future.done() for future in asked)
+
+        self.until(answered, f'an answer from {name}')
         self.destroy_client(client)
-        return future.result()
+        return next(future.result() for future in asked if future.done())
 
     def set(self, name, value, node='localizer'):
         change = Parameter(name, value=value).to_parameter_msg()
