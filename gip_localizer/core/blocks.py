@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from gip_localizer.core.arrays import Floats, Ints
+from gip_localizer.core.arrays import Floats, Ints, stacked
 
 
 class Blocks:
@@ -41,28 +41,47 @@ class Blocks:
         block += left % joined[1]
         self.order: Ints = np.argsort(block, kind='stable')
         sorted_blocks = block[self.order]
-        self._starts = np.flatnonzero(np.diff(sorted_blocks, prepend=-1))
-        ends = [*self._starts[1:].tolist(), len(block)]
-        self._parts = [slice(a, b) for a, b in zip(self._starts.tolist(), ends, strict=True)]
+        starts = np.flatnonzero(np.diff(sorted_blocks, prepend=-1))
+        self._runs = _runs(np.diff(starts, append=len(block)))
         whole = larger[self.order]
         self._larger_starts = np.flatnonzero(np.diff(whole, prepend=-1))
-        self._larger_counts = np.diff(np.append(self._larger_starts, len(whole)))
-
-    def sums(self, rows: Floats) -> Floats:
-        """Sums (k, blocks) float64 of rows (k, n) over each block."""
-        return np.add.reduceat(rows, self._starts, axis=1).astype(np.float64)
+        self._larger_counts = np.diff(self._larger_starts, append=len(whole))
+        self._larger_runs = _runs(self._larger_counts)
 
     def products(self, left: Floats, right: Floats) -> Floats:
-        """Products (blocks, k, k) float64 of each block's columns of left and right (k, n)."""
-        return np.stack([left[:, part] @ right[:, part].T for part in self._parts], dtype=float)
+        """Products (blocks, k, m) float64 of each block's columns of left (k, n), right (m, n)."""
+        return _products(self._runs, left, right)
 
-    def larger_sums(self, rows: Floats) -> Floats:
-        """Sums (k, larger blocks) float64 of rows (k, n) over each larger block."""
-        return np.add.reduceat(rows, self._larger_starts, axis=1).astype(np.float64)
+    def larger_products(self, left: Floats, right: Floats) -> Floats:
+        """Products (larger blocks, k, m) likewise."""
+        return _products(self._larger_runs, left, right)
+
+    def larger_sums(self, values: Floats) -> Floats:
+        """Sums (larger blocks,) of values (n,)."""
+        return np.add.reduceat(values, self._larger_starts)
 
     def over_larger(self, values: Floats) -> Floats:
         """Give every cell (n,) float32 the value of its larger block."""
         return np.repeat(values.astype(np.float32), self._larger_counts)
+
+
+Runs = list[tuple[slice, int]]
+"""Cells, and how many blocks, of the runs of blocks of equal size."""
+
+
+def _products(runs: Runs, left: Floats, right: Floats) -> Floats:
+    return np.concatenate([
+        stacked(left[:, cells], count) @ stacked(right[:, cells], count).transpose(0, 2, 1)
+        for cells, count in runs
+    ]).astype(np.float64)
+
+
+def _runs(sizes: Ints) -> Runs:
+    firsts = np.flatnonzero(np.diff(sizes, prepend=-1))
+    counts = np.diff(firsts, append=len(sizes))
+    ends = np.cumsum(sizes[firsts] * counts).tolist()
+    cells = [slice(a, b) for a, b in zip([0, *ends], ends, strict=False)]
+    return list(zip(cells, counts.tolist(), strict=True))
 
 
 def whole_blocks(side: float, wanted: float) -> int:

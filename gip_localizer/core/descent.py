@@ -303,10 +303,12 @@ class Descent:
         x, y = points
         rows = np.empty((len(self._unknowns.prior), len(grey)), np.float32)
         rows[0], rows[1] = ahead, left
-        np.subtract(left * x, ahead * y, out=rows[2])
+        np.multiply(left, x, out=rows[2])
+        rows[2] -= ahead * y
         for row, moving in zip(rows[3:], self._unknowns.moving, strict=False):
             along_x, along_y = self._stage.sway.tangents[moving]
-            np.add(ahead * along_x, left * along_y, out=row)
+            np.multiply(ahead, along_x, out=row)
+            row += left * along_y
         if self._unknowns.normalized:
             rows[-2], rows[-1] = grey, 1.0
         return rows

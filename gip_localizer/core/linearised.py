@@ -22,7 +22,7 @@ import math
 
 import numpy as np
 
-from gip_localizer.core.arrays import Floats
+from gip_localizer.core.arrays import Floats, product
 from gip_localizer.core.blocks import Blocks
 from gip_localizer.core.robust import LEAST_PATTERN
 
@@ -94,11 +94,11 @@ class Problem:
     @cached_property
     def information(self) -> Floats:
         """`Zᵀ W S J` plus the prior, (p, p): the Gauss-Newton matrix."""
-        return self._normal(self.instruments, self.weights)
+        return self._normal(product(self.instruments * self.weights, self.slopes))
 
-    def _normal(self, instruments: Floats, weights: Floats) -> Floats:
-        matrix = ((instruments * weights) @ self.slopes.T).astype(np.float64)
-        matrix = 0.5 * (matrix + matrix.T) * np.outer(self.scales, self.scales)
+    def _normal(self, matrix: Floats) -> Floats:
+        """Make a normal matrix of `Zᵀ W S J` (p, p)."""
+        matrix = self._scaled(matrix)
         ridge = 1e-9 * np.diag(matrix) + 1e-12
         ridge[:GEOMETRY] += 1.0 / WIDEST**2
         return np.asarray(matrix + np.diag(self.telling_scale_sq * self.prior + ridge))
@@ -122,16 +122,23 @@ class Problem:
         Never far below what the noise model expects, which is large along what nothing tells.
 
         """
-        pulls = blocks.sums(self.instruments * (self.weights * self.residual)).T * self.scales
-        whole = self._normal(self.instruments, self.curvature)
-        parts = blocks.products(self.instruments * self.curvature, self.slopes)
-        parts = 0.5 * (parts + parts.transpose(0, 2, 1)) * np.outer(self.scales, self.scales)
+        columns = np.empty((len(self.slopes) + 1, self.slopes.shape[1]), np.float32)
+        np.multiply(self.slopes, self.curvature, out=columns[:-1])
+        np.multiply(self.weights, self.residual, out=columns[-1])
+        sums = blocks.products(self.instruments, columns)
+        pulls = sums[..., -1] * self.scales
+        whole = self._normal(sums[..., :-1].sum(axis=0))
+        parts = self._scaled(sums[..., :-1])
         moved = np.linalg.solve(whole - MOST_LEVERAGE * parts, pulls[..., None])[:, :GEOMETRY, 0]
         held = np.linalg.inv(whole)[:GEOMETRY]
         spread = moved.T @ moved + (held * (self.telling_scale_sq**2 * self.prior)) @ held.T
         few = _effective(moved, spread)
         spread *= few / max(few - SMALL_SAMPLE, 1.0)
         return np.asarray(spread + LEAST_SPREAD**2 * self.expected)
+
+    def _scaled(self, matrix: Floats) -> Floats:
+        """Symmetric part of matrices (..., p, p), in grey levels of the view."""
+        return 0.5 * (matrix + matrix.swapaxes(-1, -2)) * np.outer(self.scales, self.scales)
 
     @cached_property
     def expected(self) -> Floats:
@@ -148,13 +155,14 @@ class Problem:
         """
         if not (np.isfinite(self.expected).all() and np.isfinite(covariance).all()):
             return MOST_OVERDISPERSION
-        information = np.linalg.pinv(self.expected, hermitian=True)
-        ratio = float(np.trace(information @ covariance)) / GEOMETRY
+        ratio = float(np.trace(np.linalg.solve(self.expected, covariance))) / GEOMETRY
         return min(float(np.sqrt(max(ratio, 0.0))), MOST_OVERDISPERSION)
 
     def fisher(self) -> Floats:
         """Return the covariance (3, 3) of the geometry for independent pixel noise."""
-        inverse = np.linalg.inv(self._normal(self.exact(), self.all_weights))
+        inverse = np.linalg.inv(
+            self._normal(product(self.exact() * self.all_weights, self.slopes))
+        )
         return self.scale_sq * inverse[:GEOMETRY, :GEOMETRY]
 
     def mean_square(self) -> float:

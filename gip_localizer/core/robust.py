@@ -77,26 +77,26 @@ def agreeing(
     the noise lets expect; without a gain, half of what the better blocks reach.
 
     """
-    values, predicted = values - values.mean(), predicted - predicted.mean()
-    weighted_v, weighted_m = weights * values, weights * predicted
-    sums = blocks.larger_sums(np.stack([
-        weights, weighted_v, weighted_m, weighted_v * values, weighted_m * predicted,
-        weighted_v * predicted, weights > 0.0,
-    ]))
-    w = np.maximum(sums[0], 1e-20)
-    v, m = sums[1] / w, sums[2] / w
-    var_v = np.maximum(sums[3] / w - v**2, 0.0)
-    var_m = np.maximum(sums[4] / w - m**2, 0.0)
-    alike = (sums[5] / w - v * m) / np.maximum(np.sqrt(var_v * var_m), 1e-12)
-    counted = sums[0] > 0.0
+    columns = np.ones((3, len(values)), np.float32)
+    np.subtract(values, values.mean(), out=columns[1])
+    np.subtract(predicted, predicted.mean(), out=columns[2])
+    moments = blocks.larger_products(columns * weights, columns)
+    total = moments[:, 0, 0]
+    w = np.maximum(total, 1e-20)
+    v, m = (moments[:, k, 0] / w for k in (1, 2))
+    var_v = np.maximum(moments[:, 1, 1] / w - v**2, 0.0)
+    var_m = np.maximum(moments[:, 2, 2] / w - m**2, 0.0)
+    alike = (moments[:, 1, 2] / w - v * m) / np.maximum(np.sqrt(var_v * var_m), 1e-12)
+    counted = total > 0.0
     if not counted.any():
         return np.ones(len(values), np.float32), 0.0
     if gain is None:
-        expected = np.full(len(w), np.quantile(alike[counted], BETTER_BLOCKS))
+        expected = np.full(len(w), _quantile(alike[counted], BETTER_BLOCKS))
         telling, kept = counted, alike >= 0.5 * expected
     else:
+        cells = blocks.larger_sums((weights > 0.0).astype(np.int32))
         pattern = gain**2 * var_m
-        expected = np.sqrt(pattern / (pattern + np.maximum(sums[6], 1.0) / w))
+        expected = np.sqrt(pattern / (pattern + np.maximum(cells, 1) / w))
         telling = counted & (expected >= TELLING) & (var_m > LEAST_PATTERN**2)
         kept = (alike >= 0.5 * expected) | ~telling
     share = float(w[telling & kept].sum() / max(w[telling].sum(), LEAST_TELLING * w.sum()))
@@ -112,8 +112,13 @@ def mean_normalised_square(residual: Floats, weights: Floats) -> float:
         squares = squares[used > 0.0]
     if not squares.size:
         return 1.0
-    rank = int(TRIMMED * (len(squares) - 1))
-    return max(float(np.partition(squares, rank)[rank]) / TRIMMED_CHI_SQ, 1e-6)
+    return max(_quantile(squares, TRIMMED) / TRIMMED_CHI_SQ, 1e-6)
+
+
+def _quantile(values: Floats, share: float) -> float:
+    """Return the value at a share of the ranks, without interpolation."""
+    rank = int(share * (len(values) - 1))
+    return float(np.partition(values, rank)[rank])
 
 
 def trust(

@@ -124,7 +124,9 @@ def corners(grey: Grey, known: Bools | None, row: Floats, col: Floats) -> Corner
     row, col, valid = _inside(row, col, rows, cols)
     r0 = np.minimum(row.astype(np.int32), max(rows - 2, 0))
     c0 = np.minimum(col.astype(np.int32), max(cols - 2, 0))
-    down, right = (row - r0).astype(np.float32), (col - c0).astype(np.float32)
+    down, right = (
+        (k - k0.astype(k.dtype)).astype(np.float32, copy=False) for k, k0 in ((row, r0), (col, c0))
+    )
     index = r0.astype(np.intp) * cols + c0
     step = 1 if cols > 1 else 0
     below = cols if rows > 1 else 0
