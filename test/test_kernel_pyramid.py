@@ -26,6 +26,7 @@ MAP = RasterMap(0.6 * texture((500, 500), 4, 1.0) + 0.4 * texture((500, 500), 5,
 WEIGHT = np.repeat(np.linspace(0.05, 1.0, GRID.rows)[:, None] ** 2, GRID.cols, 1).astype('f4')
 RULE = {'min_overlap': 0.5}
 PIVOT = 3.0
+TIE = 1e-4  # of a residual: OpenCV before 5 turns to a 32nd of a cell, parts of a view otherwise
 
 
 def level(seed: int, *, noise: float = 0.05, hole: bool = False) -> Level:
@@ -93,7 +94,8 @@ def test_what_comes_back_has_no_better_neighbour_even_in_noise():
         case = level(seed, noise=0.8)
         found = pyramid_winner(case, normalized=False, **RULE)
         probe = Probe(case, normalized=False, **RULE)
-        assert probe.best_about(found.index) == found.index
+        best = probe.known[probe.best_about(found.index)]
+        assert probe.known[found.index] <= (1.0 + TIE) * best
 
 
 @pytest.mark.parametrize('noise', [0.8, 2.0])
