@@ -82,7 +82,9 @@ def test_a_run_without_errors_stands_beside_others(runs, tmp_path, capsys, chang
 
 @pytest.mark.parametrize(('name', 'content', 'words'), [
     (None, None, 'gip replay'), ('metrics.json', '{"frames"', 'no JSON'),
-    ('metrics.json', '[1]', 'frames'),
+    ('metrics.json', '[1]', 'frames'), ('metrics.json', '{"frames": "many"}', "'many'"),
+    ('metrics.json', '{"frames": 3, "latency_ms": {"p50": [1]}}', 'latency_ms.p50'),
+    ('metrics.json', '{"frames": null}', 'frames'),
 ])
 def test_what_is_no_run_is_refused(runs, tmp_path, capsys, name, content, words):
     bad = tmp_path / 'bad'
@@ -94,6 +96,22 @@ def test_what_is_no_run_is_refused(runs, tmp_path, capsys, name, content, words)
     assert words in error
     assert 'bad' in error
     assert not (tmp_path / 'out').exists()
+
+
+@pytest.mark.parametrize('config', ['[1]', '{"parameters": [1]}', 'null', '"x"'])
+def test_a_run_without_readable_parameters_stands_beside_others(runs, tmp_path, config):
+    bare = tmp_path / 'bare'
+    bare.mkdir()
+    (bare / 'metrics.json').write_text(f'{{"frames": 3, "config": {config}}}')
+    assert compare([*runs, str(bare)], tmp_path) == 0
+
+
+@pytest.mark.parametrize('verb', ['replay', 'compare', 'map', 'check-calibration'])
+def test_a_name_that_no_file_can_have_is_told(verb, capsys):
+    assert main([verb, 'a' * 3000]) == 1
+    error = capsys.readouterr().err
+    assert 'File name too long' in error
+    assert error.startswith('gip: aaa')
 
 
 def test_a_comparison_is_not_replaced_without_force(runs, tmp_path, capsys):

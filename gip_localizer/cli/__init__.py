@@ -33,6 +33,7 @@ VERBS = (
     demo, simulate, replay, compare, build_map, check_calibration, evaluate, paper, params, bench
 )
 INTERRUPTED = 130
+LONG_NAME = 200  # characters of a file's name that a message shows
 
 use_one_blas_thread()  # read when NumPy is loaded, which only the verbs do
 
@@ -73,6 +74,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return 1
+    except OSError as error:
+        if error.strerror is None:
+            raise
+        print(f'gip: {_shortened(error.filename)}{error.strerror}', file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         print('gip: stopped', file=sys.stderr)
         return INTERRUPTED
+
+
+def _shortened(name: object) -> str:
+    """Return a file's name for a message, with a colon; nothing where none is known."""
+    if name is None:
+        return ''
+    words = str(name)
+    return f'{words if len(words) <= LONG_NAME else words[:LONG_NAME] + "…"}: '

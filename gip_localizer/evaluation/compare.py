@@ -57,7 +57,7 @@ def read_runs(folders: Sequence[Path]) -> list[RunFolder]:
     Raises
     ------
     ResultsError
-        A folder holds no readable `metrics.json`.
+        A folder holds no readable `metrics.json`, or no numbers in it.
     TrajectoryError
         A trajectory in it is malformed.
 
@@ -85,9 +85,17 @@ def _read(folder: Path, label: str) -> RunFolder:
         ) from None
     except ValueError as error:
         raise ResultsError(f'{path}: is no JSON ({error})') from None
-    if not isinstance(metrics, dict) or 'frames' not in metrics:
-        raise ResultsError(f'{path}: holds no figures of a run; expected the key "frames"')
+    _check(path, metrics)
     return RunFolder(label, metrics, *_errors(folder))
+
+
+def _check(path: Path, metrics: Any) -> None:
+    if not isinstance(metrics, dict) or metrics.get('frames') is None:
+        raise ResultsError(f'{path}: holds no figures of a run; expected the key "frames"')
+    for key, *_ in TABLE:
+        value = look_up(metrics, key)
+        if not isinstance(value, (int, float, type(None))):
+            raise ResultsError(f'{path}: {key} is {value!r:.80}; expected a number or null')
 
 
 def _errors(folder: Path) -> tuple[Floats, Floats]:
@@ -130,7 +138,9 @@ def _flat(config: Any) -> dict[str, str]:
         return {}
     parameters = config.get('parameters')
     flat = {str(k): str(v) for k, v in config.items() if k != 'parameters'}
-    return flat | {str(k): str(v) for k, v in (parameters or {}).items()}
+    if not isinstance(parameters, dict):
+        return flat
+    return flat | {str(k): str(v) for k, v in parameters.items()}
 
 
 def comparison_figure(runs: Sequence[RunFolder]) -> Figure:
