@@ -140,7 +140,7 @@ def test_gain_and_offset_do_not_move_a_normalized_winner(gain, offset):
     assert scores.correlation[scores.best()] > 0.95
     plain = view_from(raster_map, TRUTH, weight, noise=0.02)
     reference = match(plain, weight, raster_map, WINDOW, normalized=True, min_overlap=0.5)
-    np.testing.assert_allclose(scores.correlation, reference.correlation, atol=1e-3)
+    np.testing.assert_allclose(scores.correlation, reference.correlation, atol=1e-5)
 
 
 def test_a_negative_picture_does_not_match():

@@ -79,6 +79,8 @@ class Scorer:
         level = self._level(values, weight)
         self.templates = self._make_templates(values, weight, level)
         self.fields = np.empty((2 if self.everywhere else 3, *window.shape), np.float32)
+        if normalized:  # which any offset suits, so that sums of squares are of small numbers
+            level = _mean(window, known)
         np.subtract(window, level if self.everywhere else level * known, out=self.fields[M])
         np.multiply(self.fields[M], self.fields[M], out=self.fields[MM])
         if not self.everywhere:
@@ -165,3 +167,8 @@ class Scorer:
         if low.any():
             residual[np.broadcast_to(low, residual.shape)] = np.inf
         return Residuals(residual, correlation, overlap)
+
+
+def _mean(window: Floats, known: Floats) -> np.float32:
+    """Mean of the known cells; the others hold 0."""
+    return np.float32(cv2.sumElems(window)[0] / max(cv2.sumElems(known)[0], 1.0))
