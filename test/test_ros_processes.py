@@ -14,8 +14,9 @@ pytest.importorskip('rclpy')
 
 import numpy as np
 from ros_scene import *  # noqa: F403 - fixtures and the world
-from ros_scene import camera_info, frames, parameters, WORLD
+from ros_scene import camera_info, frames, initial_pose, parameters, START, WORLD
 from ros_support import GRAPH
+from std_msgs.msg import Float64
 
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import GipError
@@ -88,12 +89,40 @@ def busy_searching(tester, process, image):
     tester.until(at_work, 'the search', alive=process)
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_node_in_order_amid_a_search(nodes, tester, tmp_path, number):
+@pytest.fixture
+def searching(nodes, tester, tmp_path):
+    """A node with a large map, to be asked for a search of seconds."""
     path = tmp_path / 'large.yaml'
     save_map(RasterMap(np.tile(WORLD.grey, (6, 6)), WORLD.resolution, WORLD.origin), path)
     process = nodes.start('localizer', parameters(path))
     tester.until(tester.matched, 'the localizer to join', alive=process)
+    return process
+
+
+def test_amid_a_search_services_parameters_and_diagnostics_are_answered(searching, tester):
+    done = []
+    tester.create_subscription(Float64, '/localizer/execution_time_ms', done.append, 10)
+    assert tester.get('search.x') == 0.75
+    images = frames(SNOW)
+    busy_searching(tester, searching, images)
+    tester.initial.publish(initial_pose(START))
+    told = len(tester.diagnostics)
+    assert tester.set('search.x', 0.5).successful
+    assert tester.switch('/localizer/enable', True).success
+    tester.until(lambda: len(tester.diagnostics) > told, 'diagnostics')
+    assert not done, 'the search was over before the answers came'
+
+    def all_taken():
+        figures = {one.key: one.value for one in tester.status('prior').values}
+        return done and figures['initialposes'] == '1'
+
+    tester.until(all_taken, 'the end of the search, and what waited for it', alive=searching)
+    assert tester.get('search.x') == 0.5
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_node_in_order_amid_a_search(searching, tester, tmp_path, number):
+    process = searching
     busy_searching(tester, process, frames(SNOW))
     for _ in range(3):  # who waits presses Ctrl-C again
         process.send_signal(number)

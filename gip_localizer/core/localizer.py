@@ -119,6 +119,10 @@ class Localizer:
         """Search the whole map from the next frame on, until the place is found."""
         self.standing.search()
 
+    def searches(self, stamp_ns: int) -> bool:
+        """Tell whether `update` would search the whole map for a frame, which takes seconds."""
+        return self.standing.search_due(stamp_ns)
+
     def update(
         self, stamp_ns: int, image: Grey, camera: CameraModel, *, mask: Grey | None = None
     ) -> Estimate:

@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 import os
+import threading
 from typing import TypeVar
 
 Part = TypeVar('Part')
@@ -34,6 +35,7 @@ def _cores() -> int:
 
 
 WORKERS = max(1, min(2, _cores()))
+_ending = threading.Event()
 
 
 def use_one_blas_thread() -> None:
@@ -52,6 +54,15 @@ def use_one_thread() -> None:
     WORKERS = 1
 
 
+class WorkEndedError(Exception):
+    """Raised out of work because the process ends."""
+
+
+def end_work() -> None:
+    """Let work that another thread is at end before its next part, so that the process can."""
+    _ending.set()
+
+
 def in_parallel(
     work: Callable[[Part], None], parts: Iterable[Part], *, worth_it: bool = True
 ) -> None:
@@ -59,13 +70,15 @@ def in_parallel(
     Do the work on every part, in this thread and beside it; who is free takes the next one.
 
     Parts of less than a millisecond wait for Python's lock longer than they gain: where they are
-    not `worth_it`, this thread does all of them.
+    not `worth_it`, this thread does all of them. Raises WorkEndedError after `end_work`.
 
     """
     left = deque(parts)
 
     def drain() -> None:
         while left:
+            if _ending.is_set():
+                raise WorkEndedError
             try:
                 part = left.popleft()
             except IndexError:

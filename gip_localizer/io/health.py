@@ -99,6 +99,11 @@ class Health:
     _busy: tuple[float, float] = (0.0, 0.0)
     _clock: tuple[int, float] | None = None
 
+    @property
+    def wanted(self) -> bool:
+        """Whether frames are to be localized."""
+        return self.active and self.enabled
+
     def image_came(self, stamp_ns: int, clock_ns: int) -> None:
         """Note an image: its stamp, and the clock at its arrival."""
         if self._stamps and (self._stamps[-1] - stamp_ns) * 1e-9 > REWIND_S:
@@ -120,6 +125,10 @@ class Health:
     def happened(self, rule: str, detail: str) -> None:
         """Note a passing fault."""
         self._events[rule] = (self.steady(), detail)
+
+    def begins(self) -> None:
+        """Note that a frame is in work: what comes meanwhile is heard after it."""
+        self._busy = (self.steady(), np.inf)
 
     def took(self, estimate: Estimate, milliseconds: float) -> None:
         """Note the outcome of a frame, and how long it took."""

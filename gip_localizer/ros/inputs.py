@@ -52,14 +52,17 @@ class Inputs:
         Told each image, and what localizes it.
     on_other : callable
         Told the topic and the message after each other message was taken.
+    when_free : callable
+        Does what touches the frontend, now or when the frame in work is done.
 
     """
 
     def __init__(
         self, node: Node, frontend: Frontend, on_frame: Callable[[Localize, Any], None],
-        on_other: Callable[[str, Any], None],
+        on_other: Callable[[str, Any], None], when_free: Callable[..., None],
     ) -> None:
         self._frontend = frontend
+        self._when_free = when_free
         self._on_frame, self._on_other = on_frame, on_other
         # Before the image: of messages that wait, the executor takes them in this order.
         listen(node, CameraInfo, 'camera_info', self._take_camera_info, qos_profile_sensor_data)
@@ -114,7 +117,7 @@ class Inputs:
 
     def _take_image(self, message: Any) -> None:
         if self._pairing is None:
-            self._on_frame(self._decode, message)
+            self._localize(self._decode, message)
             return
         self._hand_on(self._pairing.add_image(message, time.monotonic_ns()))
 
@@ -130,7 +133,11 @@ class Inputs:
 
     def _hand_on(self, masked: Masked | None) -> None:
         if masked is not None:
-            self._on_frame(partial(self._decode, masked=masked), masked.image)
+            self._localize(partial(self._decode, masked=masked), masked.image)
+
+    def _localize(self, localize: Localize, message: Any) -> None:
+        """Hand a frame on; of those that come during a search only the newest."""
+        self._when_free(partial(self._on_frame, localize, message), instead_of='image')
 
     def take_waiting_odometry(self) -> None:
         """Take what the executor has not come to yet: it may hand an image out first."""
@@ -140,16 +147,20 @@ class Inputs:
                 self._take_odometry(taken[0])
 
     def _take_camera_info(self, message: CameraInfo) -> None:
-        self._frontend.on_camera_info(message)
-        self._on_other('camera_info', message)
+        self._take(self._frontend.on_camera_info, 'camera_info', message)
 
     def _take_odometry(self, message: Odometry) -> None:
-        self._frontend.on_odometry(message)
-        self._on_other('odom', message)
+        self._take(self._frontend.on_odometry, 'odom', message)
 
     def _take_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
-        self._frontend.on_initial_pose(message)
-        self._on_other('initialpose', message)
+        self._take(self._frontend.on_initial_pose, 'initialpose', message)
+
+    def _take(self, use: Callable[[Any], None], topic: str, message: Any) -> None:
+        def take() -> None:
+            use(message)
+            self._on_other(topic, message)
+
+        self._when_free(take)
 
 
 def _camera_qos(parameters: Parameters, depth: int) -> QoSProfile:

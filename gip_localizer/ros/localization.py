@@ -3,7 +3,9 @@
 """
 Topics and services around a `Frontend`: the working part of the node, plain or managed.
 
-A frame goes: take what waits, localize, publish, tell what has changed.
+A frame goes: take what waits, localize, publish, tell what has changed. A search of the whole
+map, which takes seconds, is done by a worker; what concerns the localizer waits for it, while
+services, parameters and diagnostics are answered.
 
 """
 
@@ -34,6 +36,7 @@ from gip_localizer.ros.inputs import Inputs, Localize
 from gip_localizer.ros.outputs import Outputs
 from gip_localizer.ros.parameters import warn_of_unknown_qos
 from gip_localizer.ros.transforms import CameraFromTf, MapToOdom
+from gip_localizer.ros.worker import Worker
 
 LOOK = 0.2
 """Seconds between two looks at what has become silent."""
@@ -77,13 +80,16 @@ class Localization:
         node, frames = self._node, self._parameters.frames
         self._outputs = Outputs(node, frames.map, raster_map)
         self._diagnostics = Diagnostics(node, self._health)
+        self._worker: Worker[Estimate] = Worker(node)
         self._tf = None
         if self._parameters.tf.publish:
             self._tf = MapToOdom(node, frames.map, frames.odom)
         self._camera_tf = None
         if self._parameters.camera.from_tf:
             self._camera_tf = CameraFromTf(node, frames.base, self._place_camera, self._no_camera)
-        self._inputs = Inputs(node, self._frontend, self._on_frame, self._on_other)
+        self._inputs = Inputs(
+            node, self._frontend, self._on_frame, self._on_other, self._worker.when_free
+        )
         node.create_service(Trigger, '~/relocalize', self._on_relocalize)
         node.create_service(SetBool, '~/enable', self._on_enable)
         warn_of_unknown_qos(node)
@@ -104,7 +110,9 @@ class Localization:
         """Take new parameters from the next frame on."""
         self._parameters = parameters
         self._health.limits = parameters.diagnostics
-        self._frontend.configure(_placed(parameters, self._extrinsics))
+        self._worker.when_free(
+            lambda: self._frontend.configure(_placed(parameters, self._extrinsics))
+        )
 
     def switch(self, on: bool) -> None:
         """Take images unless ~/enable forbids it, or ignore them."""
@@ -112,39 +120,55 @@ class Localization:
         self._diagnostics.tell()
 
     def close(self) -> None:
-        """Let go of the clock; the node's endpoints are the caller's affair."""
+        """Let go of clock and worker; the node's endpoints are the caller's affair."""
+        self._worker.close()
         self._jumps.unregister()
 
     def _on_frame(self, localize: Localize, message: Any) -> None:
         stamp = stamp_ns(message.header)
         self._health.image_came(stamp, self._now_ns())
-        if not (self._health.active and self._health.enabled):
+        if not self._health.wanted:
             return
         started = time.perf_counter()
         self._inputs.take_waiting_odometry()
         self._keeper.before(stamp)
-        estimate = self._localized(localize, message)
+        self._health.begins()
+        work, finish = partial(localize, message), partial(self._finish, started)
+        if unplaced := self._unplaced(message):
+            finish(unplaced)
+        elif self._frontend.localizer.searches(stamp):
+            self._worker.start(work, finish)
+        else:
+            finish(work())
+
+    def _finish(self, started: float, estimate: Estimate) -> None:
         elapsed_ms = 1e3 * (time.perf_counter() - started)
-        self._outputs.publish(estimate, elapsed_ms)
-        self._publish_transform(estimate)
-        self._outputs.publish_pictures(
-            estimate, self._parameters.frames.base, self._frontend
-        )
-        self._keeper.after(estimate)
+        if self._health.wanted:
+            self._publish(estimate, elapsed_ms)
         self._health.took(estimate, elapsed_ms)
         self._health.prediction = self._frontend.localizer.tracker.prediction_source
         self._health.doubts = self._frontend.doubts
         self._health.overtaken = self._inputs.overtaken
         self._tell_changes()
 
-    def _localized(self, localize: Localize, message: Any) -> Estimate:
-        if self._camera_tf is not None:
-            self._camera_tf.seen_in(str(message.header.frame_id))
-            if not self._camera_tf.known:
-                return Estimate(stamp_ns(message.header), Status.NO_CALIBRATION, (
-                    f'camera.from_tf: {self._health.lasting.get("NO_CAMERA_TF", "")}'
-                ))
-        return localize(message)
+    def _publish(self, estimate: Estimate, elapsed_ms: float) -> None:
+        self._outputs.publish(estimate, elapsed_ms)
+        self._publish_transform(estimate)
+        self._outputs.publish_pictures(
+            estimate, self._parameters.frames.base, self._frontend
+        )
+        self._keeper.after(estimate)
+
+    def _unplaced(self, message: Any) -> Estimate | None:
+        """Return why a frame cannot be localized while TF does not tell where the camera is."""
+        if self._camera_tf is None:
+            return None
+        self._camera_tf.seen_in(str(message.header.frame_id))
+        if self._camera_tf.known:
+            return None
+        return Estimate(stamp_ns(message.header), Status.NO_CALIBRATION, (
+            f'camera.from_tf: {self._health.lasting.get("NO_CAMERA_TF", "")}'
+        ))
 
     def _publish_transform(self, estimate: Estimate) -> None:
         if self._tf is None or estimate.pose is None:
@@ -168,7 +192,8 @@ class Localization:
             self._tell_changes()
 
     def _place_camera(self, extrinsics: Extrinsics) -> None:
-        self._frontend.configure(_placed(self._parameters, extrinsics))
+        placed = _placed(self._parameters, extrinsics)
+        self._worker.when_free(lambda: self._frontend.configure(placed))
         self._extrinsics = extrinsics
         numbers = ', '.join(f'{name} {value:.4g}' for name, value in vars(extrinsics).items())
         self._node.get_logger().info(f'camera from TF: {numbers}')
@@ -200,11 +225,14 @@ class Localization:
     def _on_relocalize(
         self, _request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        self._frontend.relocalize()
-        self._keeper.forget()
+        self._worker.when_free(self._relocalize)
         response.success = True
         response.message = 'the next frame is searched for in the whole map'
         return response
+
+    def _relocalize(self) -> None:
+        self._frontend.relocalize()
+        self._keeper.forget()
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._health.enabled = bool(request.data)

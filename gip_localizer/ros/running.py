@@ -14,6 +14,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.node import Node
 
+from gip_localizer.core.threads import end_work
 from gip_localizer.errors import GipError
 
 STOPS = (signal.SIGINT, signal.SIGTERM)
@@ -63,6 +64,7 @@ def run_node(make: Callable[[], Node], name: str, args: Sequence[str] | None = N
         if rclpy.ok():
             raise
     finally:
+        end_work()
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
