@@ -106,6 +106,34 @@ def test_a_car_on_the_road_is_left_out(road):
     assert found.inliers < 0.95
 
 
+def shadowed(image):
+    """Half of the light is taken from the left of a slanting line."""
+    v, u = np.indices(image.shape)
+    return np.where(u + 0.4 * v < 0.6 * image.shape[1], image // 2, image).astype(image.dtype)
+
+
+def test_the_edge_of_a_shadow_moves_little(road):
+    truth = road.pose(0.1)
+    image = shadowed(road.frame(CAMERA, truth, bits=16))
+    even, uneven = (fit(road, image, truth @ STARTS[0], uneven=uneven) for uneven in (False, True))
+    assert_near(uneven.pose, truth, xy=0.003, yaw=5e-4)
+    assert uneven.residual < 0.5 * even.residual
+
+
+def test_in_even_light_uneven_light_changes_little(road):
+    truth = road.pose(0.1)
+    image = road.frame(CAMERA, truth)
+    even, uneven = (fit(road, image, truth @ STARTS[0], uneven=uneven) for uneven in (False, True))
+    assert_near(uneven.pose, even.pose, xy=0.003, yaw=3e-4)
+    assert uneven.merit < even.merit + 0.1
+
+
+def test_light_makes_no_match_of_another_place(road):
+    image = shadowed(road.frame(CAMERA, road.pose(0.1)))
+    found = fit(road, image, road.pose(0.35), uneven=True)
+    assert found.merit < 0.3
+
+
 def test_another_place_does_not_look_like_a_match(road):
     found = fit(road, road.frame(CAMERA, road.pose(0.1)), road.pose(0.6))
     assert found.agreement < 0.4

@@ -11,7 +11,7 @@ from gip_localizer.core.calibration import Calibration
 from gip_localizer.core.camera import CameraModel, Extrinsics
 from gip_localizer.core.pose import Pose2
 from gip_localizer.synthetic.traffic import Car, cars_hiding, draw_cars, hidden_share
-from gip_localizer.synthetic.weather import add_glare, add_rain
+from gip_localizer.synthetic.weather import add_glare, add_rain, add_shadows
 
 K = np.array([[225.0, 0, 159.5], [0, 225.0, 89.5], [0, 0, 1.0]])
 BARREL = np.array([-0.3, 0.08, 0.0, 0.0, 0.0])
@@ -82,6 +82,17 @@ def test_glare_brightens_most_where_the_sun_stands():
     add_glare(scene, 0.4, 0.75)
     assert scene.min() > 0.3
     assert scene[20:60].mean(axis=0).argmax() == pytest.approx(240, abs=3)
+
+
+def test_shadows_take_their_share_from_strips_reproducibly():
+    scenes = [np.ones((360, 640), np.float32) for _ in range(2)]
+    for scene in scenes:
+        add_shadows(scene, 0.4, np.random.default_rng(3))
+    np.testing.assert_array_equal(*scenes)
+    lit, dark = (np.isclose(scenes[0], value, atol=1e-3).mean() for value in (1.0, 0.6))
+    assert lit > 0.1
+    assert dark > 0.1
+    assert lit + dark > 0.8
 
 
 def test_rain_darkens_and_streaks_reproducibly():

@@ -11,16 +11,16 @@ that are there tell what it looks like from the new pose, at a fraction of the t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 
-from gip_localizer.core.arrays import Floats, Ints
+from gip_localizer.core.arrays import Floats
 from gip_localizer.core.edge_noise import edge_share
+from gip_localizer.core.layer import Layer, State, Unknowns
+from gip_localizer.core.light import light, pattern
 from gip_localizer.core.linearised import Problem
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.robust import (
     agreeing,
     exposure,
@@ -29,7 +29,6 @@ from gip_localizer.core.robust import (
     trust,
 )
 from gip_localizer.core.sampling import Samples
-from gip_localizer.core.stages import OPTICAL_TERMS, Stage
 
 EXPOSURE_ROUNDS = (2, 1)  # reweightings of gain and offset before a stage's first step, others
 FIRST_ROUNDS = 2  # more where the exposure was not known before
@@ -46,80 +45,6 @@ MIN_CELLS = 20
 
 Columns = tuple[Floats, Floats, Callable[[], Floats]]
 """Instruments and slopes (p, n) of a `Problem`, and its exact instruments."""
-
-
-@dataclass(frozen=True, eq=False)
-class Unknowns:
-    """
-    What is estimated beside x, y and yaw.
-
-    Attributes
-    ----------
-    moving : (m,) int
-        Components of the camera's motion (pitch, roll, height) that are free.
-    prior : (3 + m [+ 2],) float64
-        Information of the prior on every unknown; gain and offset come last.
-    normalized : bool
-        Gain and offset are unknown.
-    robust : bool
-        Cells that disagree with the map lose their weight.
-
-    """
-
-    moving: Ints
-    prior: Floats
-    normalized: bool
-    robust: bool
-
-    def scales(self, gain: float) -> Floats:
-        """What the slopes (p,) of the map are in grey levels of the view."""
-        scales = np.full(len(self.prior), gain)
-        if self.normalized:
-            scales[-2:] = 1.0
-        return scales
-
-
-@dataclass(eq=False)
-class State:
-    """Pose, camera's motion (pitch, roll, height), last step; what the view is like."""
-
-    pose: Pose2
-    camera_motion: Floats
-    exposure: tuple[float, float] | None = None
-    agreement: float = 1.0
-    step: Floats = field(default_factory=lambda: np.zeros(3))
-    shading: Floats = field(default_factory=lambda: np.zeros(OPTICAL_TERMS))
-
-
-@dataclass(frozen=True, eq=False)
-class Layer:
-    """
-    One stage's cells of a frame, and the map they meet.
-
-    Attributes
-    ----------
-    stage : Stage
-        Which cells.
-    values, weights : (n,) float32
-        Grey and Gramian.
-    raster_map : RasterMap
-        What the cells are compared with.
-    locking : float
-        What sampling between its cell centres may shift a pose by, m.
-    calm_slopes : ((rows, cols) float32, (rows, cols) float32) or None
-        `RasterMap.blurred_slopes` of it, for cells that err with the map; None: not used.
-    pixel_share : (n,) float32
-        Share of the cells' variance that pixels cause and not the map.
-
-    """
-
-    stage: Stage
-    values: Floats
-    weights: Floats
-    raster_map: RasterMap
-    locking: float
-    calm_slopes: tuple[Floats, Floats] | None
-    pixel_share: Floats
 
 
 class Descent:
@@ -145,10 +70,7 @@ class Descent:
         self._sharp: tuple[Floats, Floats] | None = None
         self._seen: tuple[Floats, Floats] | None = None
         self._edges: Floats | None = None
-        self._shade = None
-        if state.shading.any():
-            shade = state.shading.astype(np.float32) @ self._stage.optical
-            self._shade = np.float32(1.0) + shade
+        self._shade = state.shade(self._stage)
 
     def run(self) -> Problem:
         """Step until the steps are small; return the last problem."""
@@ -191,6 +113,24 @@ class Descent:
             self._layer.values, problem.predicted, problem.weights, self._stage.optical
         )
 
+    def lit(self) -> Floats:
+        """How the light varies over the road, as found at the state: (rows, cols)."""
+        values = self._layer.values
+        predicted, known = self._look()
+        gain, offset = exposure(values, predicted, known, least_gain=MIN_GAIN)
+        if self._shade is not None:
+            predicted = predicted / self._shade
+        return light(
+            self._stage, values - np.float32(offset), predicted * np.float32(gain), _seen(known)
+        )
+
+    def _pattern(self, predicted: Floats, known: Floats) -> Floats:
+        """What of the prediction (n,) the light of the place does not explain."""
+        if self._state.light is None:
+            return predicted
+        assert self._shade is not None
+        return pattern(self._stage, predicted, self._shade, _seen(known))
+
     def _move(self, step: Floats) -> float:
         """Move the state; return the length of the step (below 1: done)."""
         x, y, yaw = (float(s) for s in np.clip(step[:3], -MAX_STEP, MAX_STEP))
@@ -223,7 +163,8 @@ class Descent:
         offsets[3 : 3 + len(unknowns.moving)] = state.camera_motion[unknowns.moving]
         return Problem(
             *self._columns, unknowns.scales(gain), residual, trusted, curvature, known, predicted,
-            gain, offset, scale_sq, max(scale_sq, self._telling_scale_sq(residual, trusted)),
+            partial(self._pattern, predicted, known), gain, offset,
+            scale_sq, max(scale_sq, self._telling_scale_sq(residual, trusted)),
             unknowns.prior, offsets,
         )
 
@@ -338,6 +279,11 @@ class Descent:
             return 1.0, 0.0, values - predicted
         gain, offset = known or exposure(values, predicted, weights, least_gain=MIN_GAIN)
         return gain, offset, values - (np.float32(gain) * predicted + np.float32(offset))
+
+
+def _seen(weights: Floats) -> Floats:
+    """1 for cells with weight, else 0, (n,) float32."""
+    return (weights > 0.0).astype(np.float32)
 
 
 def settled(step: Floats, covariance: Floats) -> bool:

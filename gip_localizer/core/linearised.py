@@ -61,6 +61,8 @@ class Problem:
         Gramian alone.
     predicted : (n,) float32
         S û.
+    pattern : callable
+        Returns S û (n,), less what of it the light of the place explains.
     gain, offset : float
         a and b.
     scale_sq : float
@@ -84,6 +86,7 @@ class Problem:
     curvature: Floats
     all_weights: Floats
     predicted: Floats
+    pattern: Callable[[], Floats]
     gain: float
     offset: float
     scale_sq: float
@@ -174,8 +177,8 @@ class Problem:
         return float(self.weights.sum()) / max(float(self.all_weights.sum()), 1e-20)
 
     def correlation(self) -> float:
-        """Weighted correlation of view and prediction over the cells that agree."""
-        w, m = self.weights, self.predicted
+        """Weighted correlation of the view's pattern and the map's over the cells that agree."""
+        w, m = self.weights, self.pattern()
         total = float(w.sum(dtype=np.float64))
         if total <= 0.0:
             return 0.0

@@ -22,8 +22,9 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats, Ints
 from gip_localizer.core.birdseye import Rectifier, View
-from gip_localizer.core.descent import Descent, Layer, settled, State, Unknowns
+from gip_localizer.core.descent import Descent, settled
 from gip_localizer.core.fit import Fit
+from gip_localizer.core.layer import Layer, State, Unknowns
 from gip_localizer.core.levels import coarsened
 from gip_localizer.core.linearised import Problem
 from gip_localizer.core.map_crops import Crop
@@ -34,6 +35,7 @@ from gip_localizer.parameters import CameraMotion
 MAX_DRIFT = 1.0  # m from the start
 STAGE_SHARE = 0.001  # of the squared change since the coarser stage that counts as variance, ...
 MOST_CHANGE = 0.2  # ... up to this, in cells of the map that is met: more is the way there
+LIGHT_ROUNDS = 3  # before the first step: gain and offset depend on the light
 PITCH_BASIN = 0.005  # rad: pitch from which the first stage still finds its way
 
 
@@ -105,7 +107,9 @@ class Refiner:
             ))
         return layers
 
-    def refine(self, layers: list[Layer], start: Pose2, *, pitch: float = 0.0) -> Fit:
+    def refine(
+        self, layers: list[Layer], start: Pose2, *, pitch: float = 0.0, uneven: bool = False
+    ) -> Fit:
         """
         Improve a pose.
 
@@ -117,6 +121,8 @@ class Refiner:
             Base in map, within about 0.2 m of the optimum.
         pitch : float
             Pitch relative to the calibration to start from, rad.
+        uneven : bool
+            The light varies over the road, and is found with the pose.
 
         Returns
         -------
@@ -125,11 +131,17 @@ class Refiner:
 
         """
         state = State(start, np.array([pitch, 0.0, 0.0]))
+        for _ in range(LIGHT_ROUNDS if uneven else 0):
+            state.light = Descent(layers[0], state, self._unknowns).lit()
         for layer in layers:
             coarser = state.pose
             descent = Descent(layer, state, self._unknowns)
             problem = descent.run()
-            if self._unknowns.normalized and layer is not layers[-1]:
+            if layer is layers[-1]:
+                continue
+            if uneven:
+                state.light = Descent(layer, state, self._unknowns).lit()
+            elif self._unknowns.normalized:
                 state.shading = descent.shaded(problem)
         drift = math.hypot(state.pose.x - start.x, state.pose.y - start.y)
         spread = problem.jackknife(self._stages[-1].blocks)

@@ -107,7 +107,8 @@ def search_window(
     layers = refiner.layers(view, weight, fine, map_noise)
     scored = partial(_scored, view, weight, crops, prior, extent, refiner.camera, normalized)
     quickly = partial(refiner.refine, layers[1:]) if extent.near and len(layers) > 2 else None
-    window = _Window(scored, partial(refiner.refine, layers), quickly)
+    unevenly = partial(refiner.refine, layers, uneven=True) if normalized else None
+    window = _Window(scored, partial(refiner.refine, layers), quickly, unevenly)
     level, *swayed = refiner.pitches
     window.score(level)
     if not window.is_level():
@@ -129,14 +130,19 @@ class _Window:
         Fit from a pose, and a pitch.
     quickly : callable or None
         The same from near by; what it finds counts if it is plain.
+    unevenly : callable or None
+        Fit from a pose, and a pitch, under a light that varies over the road: tried where even
+        light leaves a contradiction, and kept to if that tells more.
 
     """
 
     def __init__(
         self, scored: Callable[[float], tuple[Scores, Surface | None]],
         refined: Callable[..., Fit], quickly: Callable[..., Fit] | None,
+        unevenly: Callable[..., Fit] | None,
     ) -> None:
         self._scored, self._refined, self._quickly = scored, refined, quickly
+        self._unevenly, self._uneven = unevenly, False
         self._scores: list[Scores] = []
         self._starts: list[Start] = []
         self._fits: dict[Start | Pose2, Fit] = {}
@@ -161,10 +167,10 @@ class _Window:
             return False
         start = self._starts[0]
         if self._quickly is not None:
-            fit = self._quickly(start.pose, pitch=start.pitch)
-            if _is_plain(fit):
+            quick = self._quickly(start.pose, pitch=start.pitch)
+            fit = self._in_better_light(quick, start)
+            if _is_plain(fit) or fit is not quick:
                 self._fits[start] = fit
-                return True
         fit = self._fit(start)
         calm = bool(abs(fit.camera_motion[0]) < CALM[0])
         return _is_plain(fit) or (calm and fit.merit > CALM[1])
@@ -188,13 +194,27 @@ class _Window:
         """Tell a fit in a valley, where no fix before says which hollow, or that contradicts."""
         if best.merit <= PLAIN_WINNER:
             return False
-        unsure = self._quickly is None and best.anisotropy > VALLEY
-        return unsure or not _is_plain(best)
+        if self._quickly is None and best.anisotropy > VALLEY:
+            return True
+        light_explains = self._uneven and self._quickly is not None
+        return not (_is_plain(best) or light_explains)
 
     def _fit(self, start: Start) -> Fit:
         if start not in self._fits:
-            self._fits[start] = self._refined(start.pose, pitch=start.pitch)
+            fit = self._refined(start.pose, pitch=start.pitch)
+            self._fits[start] = self._in_better_light(fit, start)
         return self._fits[start]
+
+    def _in_better_light(self, fit: Fit, start: Start) -> Fit:
+        """Look again under uneven light at the best start; the others follow it."""
+        if self._unevenly is None or start is not self._starts[0] or _is_plain(fit):
+            return fit
+        other = self._unevenly(start.pose, pitch=start.pitch)
+        self._uneven = other.merit > fit.merit
+        if self._uneven:
+            self._refined = self._unevenly
+        self._unevenly = None
+        return other if self._uneven else fit
 
     def _best(self) -> Fit:
         return max(self._fits.values(), key=lambda fit: fit.merit)

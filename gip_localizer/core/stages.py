@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from scipy import sparse
 
@@ -47,6 +48,7 @@ class Stage:
         blank = View(weight, rectifier.footprint, rectifier.valid, rectifier.grid)
         view, _ = coarsened(blank, weight, factor)
         self.resolution = view.grid.resolution
+        self._shape = view.grid.shape
         index = np.flatnonzero(view.valid)
         points = view.grid.points() if factor > 1 else rectifier.centroids
         self.blocks = _blocks(points[index], rectifier.grid)
@@ -60,6 +62,18 @@ class Stage:
             self.blur = rectifier.pixel_blur[order][:, order]
             footprint = rectifier.footprint.ravel()[self.index]
             self.pixel_steps = PixelSteps(rectifier.camera, points[self.index], footprint)
+
+    def on_grid(self, values: Floats) -> Floats:
+        """Return values (n,) where their cells lie, (rows, cols) float32; 0 elsewhere."""
+        grid = np.zeros(self._shape, np.float32)
+        grid.reshape(-1)[self.index] = values
+        return grid
+
+    def of_grid(self, grid: Floats) -> Floats:
+        """Return what a grid of the same road, in cells of any size, holds at the cells (n,)."""
+        rows, cols = self._shape
+        fitted = cv2.resize(grid, (cols, rows), interpolation=cv2.INTER_LINEAR)
+        return np.asarray(fitted).reshape(-1)[self.index]
 
     def blurred(self, values: Floats) -> Floats:
         """Return values (n,) behind the pixel blur."""

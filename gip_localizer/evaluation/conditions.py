@@ -93,6 +93,10 @@ DISTORTED = Condition(
     localizer={'birdseye.near': 3.7, 'birdseye.far': 13.7},
     rmse_xy_m=0.005, rmse_yaw_deg=0.05, model_holds=True,
 )
+SHADOWS = Condition(
+    name='shadows', title='hard shadows that take half of the light', scenario='shadows',
+    camera=CAR_CAMERA, rmse_xy_m=0.010, rmse_yaw_deg=0.1, model_holds=False,
+)
 CARS = Condition(
     name='cars', title='a quarter of the view hidden by cars', scenario='occlusion',
     camera=CAR_CAMERA, rmse_xy_m=0.020, rmse_yaw_deg=0.1, model_holds=False,
@@ -112,5 +116,5 @@ TILES = Condition(
     camera=TILES_CAMERA, localizer=TILES_VIEW,
     rmse_xy_m=0.005, rmse_yaw_deg=0.3, model_holds=True,
 )
-CONDITIONS = (CLEAR, NIGHT, DISTORTED, CARS, CHANGED, PITCH, TILES)
+CONDITIONS = (CLEAR, NIGHT, DISTORTED, SHADOWS, CARS, CHANGED, PITCH, TILES)
 """Single frames, no filter; starts spread over ±0.5 m and ±3°."""

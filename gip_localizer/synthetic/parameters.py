@@ -103,6 +103,7 @@ class Disturbance:
     height: float = p(0.0, 'Amplitude of hidden height.', unit='m', low=0.0, high=0.2)
     cars: float = p(0.0, 'Share of the road in view that cars hide.', low=0.0, high=0.5)
     glare: float = p(0.0, 'Brightness that a low sun adds.', low=0.0, high=5.0)
+    shadows: float = p(0.0, 'Share of the light that hard shadows take.', low=0.0, high=0.95)
     rain: float = p(0.0, 'Rain; 1 is a downpour.', low=0.0, high=2.0)
 
 

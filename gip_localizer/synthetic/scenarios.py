@@ -31,6 +31,7 @@ SCENARIOS: dict[str, dict[str, Value]] = {
         'disturbance.rain': 0.8, 'sensor.full_well': 1500.0, 'sensor.read_noise': 0.015,
     },
     'glare': {'disturbance.glare': 0.35},
+    'shadows': {'disturbance.shadows': 0.5},
     'occlusion': {'disturbance.cars': 0.25},
     'changed': {'world.changed': 0.2},
     'pitch-bumps': {

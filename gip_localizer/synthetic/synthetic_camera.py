@@ -19,7 +19,7 @@ from gip_localizer.synthetic.parameters import Lens, SyntheticCameraParameters
 from gip_localizer.synthetic.renderer import Renderer
 from gip_localizer.synthetic.sensor import SensorModel
 from gip_localizer.synthetic.traffic import Car, cars_hiding, draw_cars
-from gip_localizer.synthetic.weather import add_glare, add_rain
+from gip_localizer.synthetic.weather import add_glare, add_rain, add_shadows
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -109,6 +109,8 @@ class SyntheticCamera:
             held = self.camera.with_extrinsics(extrinsics)
             hidden = draw_cars(scene, held, self._traffic(frame))
         rng = np.random.default_rng([settings.seed, _WEATHER_STREAM, frame])
+        if settings.disturbance.shadows > 0.0:
+            add_shadows(scene, settings.disturbance.shadows, rng)
         if settings.disturbance.rain > 0.0:
             add_rain(scene, settings.disturbance.rain, rng)
         if settings.disturbance.glare > 0.0:

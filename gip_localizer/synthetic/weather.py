@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Low sun and rain, painted over the scene before the sensor sees it."""
+"""Low sun, shadows and rain, painted over the scene before the sensor sees it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats32 = NDArray[np.float32]
+
+SOFT_EDGE = 1.5
+"""Standard deviation (px) of what blurs the edges of shadows."""
 
 
 def add_glare(scene: Floats32, strength: float, bearing: float) -> None:
@@ -31,6 +34,17 @@ def add_glare(scene: Floats32, strength: float, bearing: float) -> None:
     bloom = np.exp(-0.5 * (across + ((y - 0.12 * rows) / (0.35 * rows)) ** 2))
     streak = np.exp(-0.5 * across * 4.0) * np.exp(-0.5 * ((y - 0.5 * rows) / (0.3 * rows)) ** 2)
     scene += np.float32(strength) * (bloom + 0.5 * streak + 0.12)
+
+
+def add_shadows(scene: Floats32, strength: float, rng: np.random.Generator) -> None:
+    """Take this share of the light from three strips, as of houses and poles, in place."""
+    rows, cols = scene.shape
+    mask = np.zeros(scene.shape, np.uint8)
+    for left, wide, slant in rng.uniform((0.0, 0.05, -1.0), (1.0, 0.4, 1.0), (3, 3)) * cols:
+        strip = np.array([[left, 0], [left + wide, 0],
+                          [left + wide + slant, rows], [left + slant, rows]])
+        cv2.fillPoly(mask, [np.round(strip).astype(np.int32)], 255, cv2.LINE_AA)
+    scene *= 1.0 - np.float32(strength / 255.0) * cv2.GaussianBlur(mask, (0, 0), SOFT_EDGE)
 
 
 def add_rain(scene: Floats32, strength: float, rng: np.random.Generator) -> None:
