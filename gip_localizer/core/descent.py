@@ -18,7 +18,7 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.edge_noise import edge_share
 from gip_localizer.core.layer import Layer, State, Unknowns
-from gip_localizer.core.light import light, pattern
+from gip_localizer.core.light import find_light, Light
 from gip_localizer.core.linearised import Problem
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.robust import (
@@ -70,7 +70,8 @@ class Descent:
         self._sharp: tuple[Floats, Floats] | None = None
         self._seen: tuple[Floats, Floats] | None = None
         self._edges: Floats | None = None
-        self._shade = state.shade(self._stage)
+        self._light = None if state.light is None else state.light.on(self._stage)
+        self._shade = self._light.gain if self._light is not None else state.shade(self._stage)
 
     def run(self) -> Problem:
         """Step until the steps are small; return the last problem."""
@@ -113,23 +114,19 @@ class Descent:
             self._layer.values, problem.predicted, problem.weights, self._stage.optical
         )
 
-    def lit(self) -> Floats:
-        """How the light varies over the road, as found at the state: (rows, cols)."""
-        values = self._layer.values
-        predicted, known = self._look()
-        gain, offset = exposure(values, predicted, known, least_gain=MIN_GAIN)
-        if self._shade is not None:
-            predicted = predicted / self._shade
-        return light(
-            self._stage, values - np.float32(offset), predicted * np.float32(gain), _seen(known)
-        )
+    def lit(self) -> Light:
+        """Find the light at the state."""
+        values, samples = self._layer.values, self._sampled()
+        known = self._known(samples)
+        gain, offset = exposure(values, self._under_light(samples), known, least_gain=MIN_GAIN)
+        values = (values - np.float32(offset)) * np.float32(1.0 / gain)
+        return find_light(self._stage, values, samples.values, (known > 0.0).astype(np.float32))
 
-    def _pattern(self, predicted: Floats, known: Floats) -> Floats:
-        """What of the prediction (n,) the light of the place does not explain."""
-        if self._state.light is None:
+    def _pattern(self, predicted: Floats) -> Floats:
+        """What of the prediction (n,) the light does not explain."""
+        if self._light is None:
             return predicted
-        assert self._shade is not None
-        return pattern(self._stage, predicted, self._shade, _seen(known))
+        return predicted - (self._light.veil + self._light.gain * self._light.broad)
 
     def _move(self, step: Floats) -> float:
         """Move the state; return the length of the step (below 1: done)."""
@@ -163,7 +160,7 @@ class Descent:
         offsets[3 : 3 + len(unknowns.moving)] = state.camera_motion[unknowns.moving]
         return Problem(
             *self._columns, unknowns.scales(gain), residual, trusted, curvature, known, predicted,
-            partial(self._pattern, predicted, known), gain, offset,
+            partial(self._pattern, predicted), gain, offset,
             scale_sq, max(scale_sq, self._telling_scale_sq(residual, trusted)),
             unknowns.prior, offsets,
         )
@@ -188,16 +185,30 @@ class Descent:
 
     def _look(self) -> tuple[Floats, Floats]:
         """Map behind the pixel blur, and weights of known cells, (n,); slopes if they are old."""
-        x, y = self._stage.sway.road_points(self._state.camera_motion)
-        samples = self._layer.raster_map.sample_from(self._state.pose, x, y)
-        sampled = samples.values if self._shade is None else samples.values * self._shade
+        samples = self._sampled()
+        sampled = self._under_light(samples)
         predicted = self._stage.blurred(sampled)
         if self._columns is None:
-            self._columns = self._slopes(samples, sampled, predicted, (x, y))
+            self._columns = self._slopes(samples, sampled, predicted)
+        return predicted, self._known(samples)
+
+    def _sampled(self) -> Samples:
+        """The map where the cells are."""
+        self._points = self._stage.sway.road_points(self._state.camera_motion)
+        return self._layer.raster_map.sample_from(self._state.pose, *self._points)
+
+    def _under_light(self, samples: Samples) -> Floats:
+        if self._shade is None:
+            return samples.values
+        lit = samples.values * self._shade
+        return lit if self._light is None else lit + self._light.veil
+
+    def _known(self, samples: Samples) -> Floats:
+        """Weights (n,) of the cells that the map knows."""
         known = self._layer.weights
         if samples.valid is not None:
             known = known * samples.valid
-        return predicted, self._less_noise(known, samples)
+        return self._less_noise(known, samples)
 
     def _less_noise(self, weights: Floats, samples: Samples) -> Floats:
         """Weights (n,) less what the map itself tells of its errors: G = 1/(1/G + a² σ²)."""
@@ -208,10 +219,9 @@ class Descent:
         variance = (np.float32(gain) * samples.nearest_of(noise)) ** 2
         return np.asarray(weights / (np.float32(1.0) + weights * variance))
 
-    def _slopes(
-        self, samples: Samples, sampled: Floats, predicted: Floats, points: tuple[Floats, Floats]
-    ) -> Columns:
+    def _slopes(self, samples: Samples, sampled: Floats, predicted: Floats) -> Columns:
         """Instruments and slopes; the pixel blur changes no lever."""
+        points = self._points
         ahead, left = self._under_shade(samples.slopes())
         self._sharp = ahead, left
         exact = partial(self._by_unknown, ahead, left, sampled, points)
@@ -279,11 +289,6 @@ class Descent:
             return 1.0, 0.0, values - predicted
         gain, offset = known or exposure(values, predicted, weights, least_gain=MIN_GAIN)
         return gain, offset, values - (np.float32(gain) * predicted + np.float32(offset))
-
-
-def _seen(weights: Floats) -> Floats:
-    """1 for cells with weight, else 0, (n,) float32."""
-    return (weights > 0.0).astype(np.float32)
 
 
 def settled(step: Floats, covariance: Floats) -> bool:

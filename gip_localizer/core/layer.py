@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gip_localizer.core.arrays import Floats, Ints
+from gip_localizer.core.light import Light
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.stages import OPTICAL_TERMS, Stage
@@ -60,15 +61,13 @@ class State:
     agreement: float = 1.0
     step: Floats = field(default_factory=lambda: np.zeros(3))
     shading: Floats = field(default_factory=lambda: np.zeros(OPTICAL_TERMS))
-    light: Floats | None = None
+    light: Light | None = None
 
     def shade(self, stage: Stage) -> Floats | None:
-        """Brightness (n,) of the cells over the mean; None where it is the same for all."""
-        if self.light is not None:
-            return stage.of_grid(self.light)
-        if self.shading.any():
-            return np.float32(1.0) + self.shading.astype(np.float32) @ stage.optical
-        return None
+        """How the lens shades the cells (n,), about 1; None: not at all."""
+        if not self.shading.any():
+            return None
+        return np.float32(1.0) + self.shading.astype(np.float32) @ stage.optical
 
 
 @dataclass(frozen=True, eq=False)
