@@ -70,6 +70,7 @@ class Descent:
         self._sharp: tuple[Floats, Floats] | None = None
         self._seen: tuple[Floats, Floats] | None = None
         self._edges: Floats | None = None
+        self._points: tuple[Floats, Floats]
         self._light = None if state.light is None else state.light.on(self._stage)
         self._shade = self._light.gain if self._light is not None else state.shade(self._stage)
 
