@@ -126,5 +126,7 @@ def test_a_signal_ends_the_node_in_order_amid_a_search(searching, tester, tmp_pa
     busy_searching(tester, process, frames(SNOW))
     for _ in range(3):  # who waits presses Ctrl-C again
         process.send_signal(number)
-    assert process.wait(timeout=5.0) == 0
-    assert 'Traceback' not in (tmp_path / 'localizer.log').read_text()
+    code = process.wait(PATIENCE)
+    log = (tmp_path / 'localizer.log').read_text()
+    assert code == 0, log
+    assert 'Traceback' not in log

@@ -33,6 +33,7 @@ from gip_localizer.core.posterior import (
 )
 from gip_localizer.core.refinement import Refiner
 from gip_localizer.core.starts import rivals, Start
+from gip_localizer.core.threads import check_end
 from gip_localizer.core.tracker import Belief
 from gip_localizer.core.windows import Extent
 
@@ -101,6 +102,7 @@ def search_window(
         None where the window lies off the map.
 
     """
+    check_end()
     fine = crops.about(view.grid, prior.pose, extent, view.grid.resolution)
     if fine is None:
         return None

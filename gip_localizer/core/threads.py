@@ -59,8 +59,14 @@ class WorkEndedError(Exception):
 
 
 def end_work() -> None:
-    """Let work that another thread is at end before its next part, so that the process can."""
+    """Let work that another thread is at end at its next `check_end`, so that the process can."""
     _ending.set()
+
+
+def check_end() -> None:
+    """Raise WorkEndedError after `end_work`."""
+    if _ending.is_set():
+        raise WorkEndedError
 
 
 def in_parallel(
@@ -77,8 +83,7 @@ def in_parallel(
 
     def drain() -> None:
         while left:
-            if _ending.is_set():
-                raise WorkEndedError
+            check_end()
             try:
                 part = left.popleft()
             except IndexError:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 import signal
+import threading
 from types import FrameType
 
 import rclpy
@@ -39,7 +40,7 @@ def run_node(make: Callable[[], Node], name: str, args: Sequence[str] | None = N
         Exit code: 0 after an orderly end, 1 after an error that the user can mend.
 
     """
-    _hear_stops()
+    told = _hear_stops()
     try:
         rclpy.init(args=list(args) if args is not None else None)
     except RuntimeError as error:  # rcl's error: arguments or a parameter file it cannot read
@@ -60,30 +61,41 @@ def run_node(make: Callable[[], Node], name: str, args: Sequence[str] | None = N
     except (GipError, NameValidationException) as error:
         get_logger(name).fatal(str(error))
         return 1
-    except RuntimeError:  # rcl's error: the signal took the topics away before it arrived here
-        if rclpy.ok():
+    except RuntimeError:  # a signal amid rcl, which makes an error of its own of it
+        if rclpy.ok() and not told.is_set():
             raise
     finally:
-        end_work()
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
+        _end(node)
     return 0
 
 
-def _hear_stops() -> None:
+def _end(node: Node | None) -> None:
+    """Leave the graph; from now on no signal matters."""
+    end_work()
+    if node is not None:
+        node.destroy_node()
+    rclpy.try_shutdown()
+    # Not in the handler: Python complains of signals that are on their way when this is set.
+    for number in STOPS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def _hear_stops() -> threading.Event:
     """
-    Let the first signal interrupt whatever runs, and those after it nothing.
+    Let the first signal interrupt whatever runs, and those after it nothing; tell of it.
 
     rclpy hands signals on to the handlers that it finds. By itself it waits for the frame in
     work at SIGTERM, a search of the whole map perhaps, and takes the topics away from under it.
 
     """
+    told = threading.Event()
+
     def stop(_number: int, _frame: FrameType | None) -> None:
-        for number in STOPS:
-            signal.signal(number, signal.SIG_IGN)
-        raise KeyboardInterrupt
+        if not told.is_set():
+            told.set()
+            raise KeyboardInterrupt
 
     for number in STOPS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, stop)
+    return told
