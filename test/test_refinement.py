@@ -14,6 +14,7 @@ from gip_localizer.core.gramian import gramian
 from gip_localizer.core.map_crops import Crop
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.refinement import Refiner
+from gip_localizer.core.robust import outlier_scale
 from gip_localizer.parameters import Birdseye, CameraMotion
 
 FIXED = CameraMotion(0.0, 0.0, 0.0)
@@ -172,3 +173,15 @@ def test_cells_whose_map_is_noisy_and_says_so_hardly_count(road):
             found = refiner.refine(layers, start)
             errors[name].append(math.hypot(*difference(found.pose, truth)[:2]))
     assert np.mean(errors['told']) < 0.7 * np.mean(errors['not told'])
+
+
+def test_residuals_lose_their_weight_early_only_where_some_are_no_noise():
+    rng = np.random.default_rng(7)
+    weights = rng.uniform(1.0, 100.0, 20_000).astype(np.float32)
+    noise = (rng.normal(size=weights.size) / np.sqrt(weights)).astype(np.float32)
+    assert outlier_scale(noise, weights, 1.0) > 5.8
+    struck = noise.copy()
+    struck[::20] += np.float32(8.0) / np.sqrt(weights[::20])
+    assert outlier_scale(struck, weights, 1.0) == 3.0
+    assert outlier_scale(0.3 * noise, weights, 1.0) == 3.0
+    assert outlier_scale(noise, np.zeros_like(weights), 1.0) == 3.0

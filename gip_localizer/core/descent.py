@@ -25,6 +25,7 @@ from gip_localizer.core.robust import (
     agreeing,
     exposure,
     mean_normalised_square,
+    outlier_scale,
     shading,
     trust,
 )
@@ -38,7 +39,6 @@ CONVERGED_SIGMAS = 0.5  # ... or in standard deviations of the outcome
 LINEAR = 10.0  # step, in these, up to which the slopes tell the map's values
 STALE = 20.0  # step, in these, up to which the slopes themselves hold
 MAX_STEP = np.array([0.15, 0.15, 0.03])  # m, m, rad: no step may leave the basin
-OUTLIER_SCALE = 3.0  # residuals beyond this many standard deviations lose their weight
 MIN_GAIN = 0.02
 MIN_CELLS = 20
 
@@ -148,9 +148,9 @@ class Descent:
         scale_sq = mean_normalised_square(residual, used)
         trusted = curvature = used
         for _ in range(rounds):
-            share, slope = trust(
-                residual, used, max(scale_sq, stage.least_scale_sq), OUTLIER_SCALE
-            )
+            variance = max(scale_sq, stage.least_scale_sq)
+            limit = outlier_scale(residual, used, variance)
+            share, slope = trust(residual, used, variance, limit)
             trusted, curvature = used * share, used * slope
             gain, offset, residual = self._residual(predicted, trusted, None)
             scale_sq = mean_normalised_square(residual, used)

@@ -16,6 +16,8 @@ LEAST_TELLING = 0.02  # share of the weight that must stand out of the noise to 
 LEAST_PATTERN = 5e-4  # weighted standard deviation of a map that has any pattern
 SHADING_RIDGE = 1e-3  # of the information on the gain
 TELLING = 0.35  # expected correlation below which a block's own says nothing
+OUTLIERS = (3.0, 6.0, 6.0, 3.0)  # standard deviations beyond which residuals lose weight, by ...
+SPREADS = (0.25, 1.0, 1.15, 1.5)  # ... their mean square over the assumed noise's
 
 
 def exposure(
@@ -119,6 +121,20 @@ def _quantile(values: Floats, share: float) -> float:
     """Return the value at a share of the ranks, without interpolation."""
     rank = int(share * (len(values) - 1))
     return float(np.partition(values, rank)[rank])
+
+
+def outlier_scale(residual: Floats, weights: Floats, scale_sq: float) -> float:
+    """
+    Standard deviations beyond which residuals lose their weight.
+
+    Close limits cost a few hundredths of the error where all is noise: the mean square of the
+    residuals, `scale_sq` the noise's, is near 1 there. Above, some are not noise; far below, the
+    noise is assumed so large that the limits are wide as they are.
+
+    """
+    cells = max(int(np.count_nonzero(weights)), 1)
+    spread = float((weights * residual) @ residual) / (cells * scale_sq)
+    return float(np.interp(spread, SPREADS, OUTLIERS))
 
 
 def trust(

@@ -34,8 +34,8 @@ PURE: dict[str, Value] = {
     'sensor.exposure_time': 0.0, 'world.resolution': 0.05, 'world.join': 1,
 }
 """White noise alone, and a map that is the world."""
-FINE: dict[str, Value] = {**STILL, 'birdseye.resolution': 0.05 / 3.0}
-"""Three cells of the view along one of the map's, so that hardly any detail is averaged away."""
+FINE: dict[str, Value] = {**STILL, 'birdseye.resolution': 0.05 / 4.0}
+"""Four cells of the view along one of the map's, so that hardly any detail is averaged away."""
 SETUPS = (
     replace(TILES, name='tiles, -3 dB', camera={**TILES.camera, **PURE},
             localizer={**TILES.localizer, 'birdseye.resolution': 0.0125}),
