@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from gip_localizer.cli import main
-from gip_localizer.core.raster_map import RasterMap, WHITE
+from gip_localizer.core.map_cells import WHITE
+from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.evaluation.truth import read_truth
 from gip_localizer.io.bag_topics import choose_topics, TopicNames
 from gip_localizer.io.bags import Bag

@@ -143,7 +143,7 @@ def _with_progress(drive: MappedDrive, settings: MapSettings, bag: Bag,
 def _tell(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None:
     import numpy as np
 
-    from gip_localizer.core.raster_map import WHITE
+    from gip_localizer.core.map_cells import scaled
     from gip_localizer.evaluation.metrics import format_table, Row
 
     valid, noise = raster_map.valid, raster_map.noise
@@ -152,7 +152,7 @@ def _tell(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None:
     low_x, low_y, high_x, high_y = raster_map.bounds
     gains = [exposure.gain for exposure in drive.builder.exposures]
     corner = float(drive.camera.shading.lift(np.array(1.0)))
-    told = np.median(noise[valid]) / WHITE[noise.dtype]
+    told = np.median(scaled(noise[valid]))
     rows = [
         Row('frames used', str(drive.builder.frames), ''),
         *(Row(f'frames skipped: {kind}', str(count), drive.first[kind])

@@ -20,16 +20,23 @@ import cv2
 import numpy as np
 
 from gip_localizer.core.arrays import Bools, Floats, Grey
+from gip_localizer.core.map_cells import (
+    averaged_noise,
+    blurred,
+    doubled,
+    joined,
+    repeated,
+    scaled,
+    slopes,
+    smoothed,
+    WHITE,
+)
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.sampling import corners, Samples
 from gip_localizer.errors import MapError
 
-SLOPE_RIGHT = np.array([[-0.5, 0.5], [-0.5, 0.5]], np.float32)
-QUARTER = np.array([-3.0, 29.0, 111.0, -9.0, 0.0], np.float32) / 128.0
-"""Cubic convolution a quarter of a cell before the middle one of five."""
 Box = tuple[int, int, int, int]
 """First row and one past the last, first column and one past the last."""
-WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0, np.dtype(np.float32): 1.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +203,7 @@ class RasterMap:
         """Return the part in a box (`box`), as `crop` does."""
         low, high, step = (box[0], box[2]), (box[1], box[3]), self._joining(cell)
         part = (slice(low[0], high[0]), slice(low[1], high[1]))
-        values = np.asarray(self.grey[part], np.float32) / np.float32(WHITE[self.grey.dtype])
+        values = scaled(self.grey[part])
         valid = None if self.valid is None else np.asarray(self.valid[part])
         if valid is not None and valid.all():
             valid = None
@@ -204,18 +211,18 @@ class RasterMap:
         corner = self.to_map(np.array([high[0] - 0.5, low[1] - 0.5]))
         noise = None
         if self.noise is not None:
-            noise = _averaged_noise(self.noise[part], step, cell / resolution)
+            noise = averaged_noise(self.noise[part], step, cell / resolution)
         if step > 1:
-            values, valid = _joined(values, valid, step)
-        values, valid = _smoothed(values, valid, cell / resolution)
+            values, valid = joined(values, valid, step)
+        values, valid = smoothed(values, valid, cell / resolution)
         origin = Pose2(float(corner[0]), float(corner[1]), self.origin.yaw)
         return RasterMap(values, resolution, origin, valid, noise)
 
     def smoothed(self, cell: float) -> RasterMap:
         """Return the map (float32) smoothed for a cell size in metres, at its own resolution."""
         ratio = cell / self.resolution
-        values, valid = _smoothed(self.grey, self.valid, ratio)
-        noise = None if self.noise is None else _averaged_noise(self.noise, 1, ratio)
+        values, valid = smoothed(self.grey, self.valid, ratio)
+        noise = None if self.noise is None else averaged_noise(self.noise, 1, ratio)
         return RasterMap(values, self.resolution, self.origin, valid, noise)
 
     def blurred_slopes(self, sigma: float) -> tuple[Floats, Floats]:
@@ -235,13 +242,8 @@ class RasterMap:
             Right along the columns.
 
         """
-        values, _ = _blurred(self.grey, self.valid, sigma / self.resolution)
-        down, right = (
-            cv2.filter2D(values, cv2.CV_32F, kernel, anchor=(0, 0),
-                         borderType=cv2.BORDER_REPLICATE)
-            for kernel in (np.ascontiguousarray(SLOPE_RIGHT.T), SLOPE_RIGHT)
-        )
-        return np.asarray(down), np.asarray(right)
+        values, _ = blurred(self.grey, self.valid, sigma / self.resolution)
+        return slopes(values)
 
     def doubled(self) -> RasterMap:
         """
@@ -251,13 +253,13 @@ class RasterMap:
         towards the one or the other; sampled on the halved cells that pull is small.
 
         """
-        values = np.asarray(self.grey, np.float32) / np.float32(WHITE[self.grey.dtype])
         valid = None
         if self.valid is not None:
             whole = cv2.erode(self.valid.astype(np.uint8), np.ones((3, 3), np.uint8))
-            valid = _repeated(whole > 0)
-        noise = None if self.noise is None else _repeated(self.noise)
-        return RasterMap(_doubled(values), 0.5 * self.resolution, self.origin, valid, noise)
+            valid = repeated(whole > 0)
+        noise = None if self.noise is None else repeated(self.noise)
+        values = doubled(scaled(self.grey))
+        return RasterMap(values, 0.5 * self.resolution, self.origin, valid, noise)
 
     def sample(self, xy_map: Floats) -> tuple[Floats, Bools]:
         """
@@ -309,56 +311,3 @@ class RasterMap:
         col = cos * x - sin * y + kind(T_grid_a.x / self.resolution - 0.5)
         row = kind(self.grey.shape[0] - 0.5 - T_grid_a.y / self.resolution) - sin * x - cos * y
         return row, col, T_grid_a
-
-
-def _joined(values: Floats, valid: Bools | None, step: int) -> tuple[Floats, Bools | None]:
-    """Average step x step cells into one; it is valid where all of them are."""
-    rows, cols = values.shape[0] // step, values.shape[1] // step
-    size = (cols, rows)
-    joined = cv2.resize(values, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-    if valid is None:
-        return joined, None
-    share = cv2.resize(valid.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    return joined, share > 0.999
-
-
-def _averaged_noise(noise: Grey, step: int, ratio: float) -> Floats:
-    """Noise (float32) of means over `step` and then `ratio` cells a side that err on their own."""
-    scaled = np.asarray(noise, np.float32) / np.float32(WHITE[noise.dtype])
-    if step > 1:
-        size = (noise.shape[1] // step, noise.shape[0] // step)
-        squares = cv2.resize(scaled**2, size, interpolation=cv2.INTER_AREA)
-        scaled = np.sqrt(squares) / np.float32(step)
-    return np.asarray(scaled / np.float32(max(ratio, 1.0)))
-
-
-def _repeated(cells: Grey) -> Grey:
-    """Twice the rows and columns."""
-    return np.repeat(np.repeat(cells, 2, axis=0), 2, axis=1)
-
-
-def _smoothed(values: Floats, valid: Bools | None, ratio: float) -> tuple[Floats, Bools | None]:
-    """Smooth so that bilinear sampling has the second moment of a box of `ratio` cells."""
-    if ratio <= 1.05:
-        return values, valid
-    return _blurred(values, valid, math.sqrt((ratio**2 - 1.0) / 12.0))
-
-
-def _blurred(values: Floats, valid: Bools | None, sigma: float) -> tuple[Floats, Bools | None]:
-    """Blur known cells by a Gaussian, in cells."""
-    if valid is None:
-        return cv2.GaussianBlur(values, (0, 0), sigma).astype(np.float32), None
-    share = cv2.GaussianBlur(valid.astype(np.float32), (0, 0), sigma)
-    known = cv2.GaussianBlur(np.where(valid, values, np.float32(0.0)), (0, 0), sigma)
-    return (known / np.maximum(share, 1e-6)).astype(np.float32), valid & (share > 0.5)
-
-
-def _doubled(values: Floats) -> Floats:
-    """Twice the rows and columns, by cubic convolution (Keys 1981, exact for parabolas)."""
-    out = np.empty((2 * values.shape[0], 2 * values.shape[1]), np.float32)
-    for i, down in enumerate((QUARTER, QUARTER[::-1])):
-        for k, right in enumerate((QUARTER, QUARTER[::-1])):
-            out[i::2, k::2] = cv2.sepFilter2D(
-                values, cv2.CV_32F, right, down, borderType=cv2.BORDER_REPLICATE
-            )
-    return out

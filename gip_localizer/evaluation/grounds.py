@@ -11,8 +11,9 @@ import cv2
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
+from gip_localizer.core.map_cells import scaled
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap, WHITE
+from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.synthetic.paths import Path
 from gip_localizer.synthetic.worlds import World
 
@@ -28,7 +29,7 @@ NOISE_PATCH_M = 0.1  # standard deviation of the kernel of a map's patchy errors
 def poor(world: World) -> World:
     """Return the world with paint alone: asphalt without grain, cracks and patches."""
     raster = world.raster
-    grey = np.asarray(raster.grey, np.float32) / np.float32(WHITE[raster.grey.dtype])
+    grey = scaled(raster.grey)
     painted = cv2.dilate((grey > PAINT).astype(np.float32), np.ones((3, 3)))
     bare = np.float32(1.0) - painted
     sigma = POOR_BLUR_M / raster.resolution
@@ -72,7 +73,7 @@ GROUNDS: dict[str, Callable[[World], World]] = {
 def noisy_map(raster: RasterMap, sigma: float, seed: int) -> RasterMap:
     """Return a map whose cells are off by white noise, and by as much in patches."""
     rng = np.random.default_rng([seed, 4711])
-    grey = np.asarray(raster.grey, np.float32) / np.float32(WHITE[raster.grey.dtype])
+    grey = scaled(raster.grey)
     white, patchy = rng.normal(0.0, sigma, (2, *grey.shape))
     patchy = cv2.GaussianBlur(patchy, (0, 0), NOISE_PATCH_M / raster.resolution)
     patchy *= sigma / max(float(patchy.std()), 1e-12)

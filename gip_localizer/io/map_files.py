@@ -15,8 +15,9 @@ import numpy as np
 import yaml
 
 from gip_localizer.core.arrays import Bools, Grey
+from gip_localizer.core.map_cells import WHITE
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap, WHITE
+from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import MapError, OutputError
 from gip_localizer.io.decoder_warnings import damage, decoder_warnings
 from gip_localizer.io.images import is_truncated_jpeg

@@ -22,8 +22,9 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
 from gip_localizer.core.calibration import Calibration
+from gip_localizer.core.map_cells import scaled
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap, WHITE
+from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.io.messages import full_covariance, quaternion_of_yaw
 from gip_localizer.synthetic.wheel_odometry import OdometryReading
 
@@ -177,7 +178,7 @@ def _occupancy(raster_map: RasterMap, factor: int) -> NDArray[np.int8]:
         part = (slice(top + strip.start * factor, top + strip.stop * factor),
                 slice(0, cols * factor))
         valid = None if raster_map.valid is None else raster_map.valid[part]
-        grey = raster_map.grey[part].astype(np.float32) / WHITE[raster_map.grey.dtype]
+        grey = scaled(raster_map.grey[part])
         cells[strip] = _occupancy_of(grey, valid, (cols, strip.stop - strip.start))
     raster_map.release()
     return cells

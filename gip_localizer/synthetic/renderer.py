@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from gip_localizer.core.camera import CameraModel, Extrinsics
+from gip_localizer.core.map_cells import scaled
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap, WHITE
+from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import MapError
 from gip_localizer.synthetic.pixel_grid import PixelGrid
 from gip_localizer.synthetic.pixel_sampling import (
@@ -192,7 +193,7 @@ def _upper_pixels(grid: PixelGrid, camera: CameraModel) -> tuple[NDArray[np.int6
 
 def _filled(world: RasterMap) -> Floats32:
     """Return the world's reflectance in [0, 1], plain grey where there is no data."""
-    grey = np.asarray(world.grey, np.float32) / np.float32(WHITE[world.grey.dtype])
+    grey = scaled(world.grey)
     if world.valid is None:
         return grey
     return np.where(world.valid, grey, np.float32(OFF_MAP))

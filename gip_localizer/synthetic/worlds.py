@@ -15,8 +15,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gip_localizer.core.map_cells import scaled
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap, WHITE
+from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import MapError
 from gip_localizer.synthetic.paths import Path, rectangle_loop
 from gip_localizer.synthetic.world_road import road
@@ -96,7 +97,7 @@ def map_of(world: RasterMap, factor: int) -> RasterMap:
         )
     top = world.grey.shape[0] - rows * factor
     part = (slice(top, None), slice(0, cols * factor))
-    grey = np.asarray(world.grey[part], np.float32) / np.float32(WHITE[world.grey.dtype])
+    grey = scaled(world.grey[part])
     mean = np.asarray(cv2.resize(grey, (cols, rows), interpolation=cv2.INTER_AREA), np.float32)
     valid = None
     if world.valid is not None:

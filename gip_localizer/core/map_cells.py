@@ -1,0 +1,84 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Cells of a map as arrays: their grey as numbers, joined, smoothed, halved."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from gip_localizer.core.arrays import Bools, Floats, Grey
+
+WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0, np.dtype(np.float32): 1.0}
+SLOPE_RIGHT = np.array([[-0.5, 0.5], [-0.5, 0.5]], np.float32)
+QUARTER = np.array([-3.0, 29.0, 111.0, -9.0, 0.0], np.float32) / 128.0
+"""Cubic convolution a quarter of a cell before the middle one of five."""
+
+
+def scaled(grey: Grey) -> Floats:
+    """Grey on its full scale, (rows, cols) float32 in [0, 1]."""
+    return np.asarray(np.asarray(grey, np.float32) / np.float32(WHITE[grey.dtype]))
+
+
+def slopes(values: Floats) -> tuple[Floats, Floats]:
+    """Slopes (rows, cols) float32 down and right, in the middle of each cell and the next ones."""
+    down, right = (
+        cv2.filter2D(values, cv2.CV_32F, kernel, anchor=(0, 0), borderType=cv2.BORDER_REPLICATE)
+        for kernel in (np.ascontiguousarray(SLOPE_RIGHT.T), SLOPE_RIGHT)
+    )
+    return np.asarray(down), np.asarray(right)
+
+
+def joined(values: Floats, valid: Bools | None, step: int) -> tuple[Floats, Bools | None]:
+    """Average step x step cells into one; it is valid where all of them are."""
+    rows, cols = values.shape[0] // step, values.shape[1] // step
+    size = (cols, rows)
+    means = cv2.resize(values, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    if valid is None:
+        return means, None
+    share = cv2.resize(valid.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    return means, share > 0.999
+
+
+def averaged_noise(noise: Grey, step: int, ratio: float) -> Floats:
+    """Noise (float32) of means over `step` and then `ratio` cells a side that err on their own."""
+    sigma = scaled(noise)
+    if step > 1:
+        size = (noise.shape[1] // step, noise.shape[0] // step)
+        squares = cv2.resize(sigma**2, size, interpolation=cv2.INTER_AREA)
+        sigma = np.asarray(np.sqrt(squares) / np.float32(step))
+    return np.asarray(sigma / np.float32(max(ratio, 1.0)))
+
+
+def repeated(cells: Grey) -> Grey:
+    """Twice the rows and columns."""
+    return np.repeat(np.repeat(cells, 2, axis=0), 2, axis=1)
+
+
+def smoothed(values: Floats, valid: Bools | None, ratio: float) -> tuple[Floats, Bools | None]:
+    """Smooth so that bilinear sampling has the second moment of a box of `ratio` cells."""
+    if ratio <= 1.05:
+        return values, valid
+    return blurred(values, valid, math.sqrt((ratio**2 - 1.0) / 12.0))
+
+
+def blurred(values: Floats, valid: Bools | None, sigma: float) -> tuple[Floats, Bools | None]:
+    """Blur known cells by a Gaussian, in cells."""
+    if valid is None:
+        return cv2.GaussianBlur(values, (0, 0), sigma).astype(np.float32), None
+    share = cv2.GaussianBlur(valid.astype(np.float32), (0, 0), sigma)
+    known = cv2.GaussianBlur(np.where(valid, values, np.float32(0.0)), (0, 0), sigma)
+    return (known / np.maximum(share, 1e-6)).astype(np.float32), valid & (share > 0.5)
+
+
+def doubled(values: Floats) -> Floats:
+    """Twice the rows and columns, by cubic convolution (Keys 1981, exact for parabolas)."""
+    out = np.empty((2 * values.shape[0], 2 * values.shape[1]), np.float32)
+    for i, down in enumerate((QUARTER, QUARTER[::-1])):
+        for k, right in enumerate((QUARTER, QUARTER[::-1])):
+            out[i::2, k::2] = cv2.sepFilter2D(
+                values, cv2.CV_32F, right, down, borderType=cv2.BORDER_REPLICATE
+            )
+    return out
