@@ -26,7 +26,7 @@ def add_parser(verbs: Any) -> None:
     )
     parser.add_argument('--suite', action='append', choices=(*SUITES, 'all'), dest='suites',
                         help='what to try; repeatable (default: all)')
-    parser.add_argument('--frames', type=_count, default=60, metavar='N',
+    parser.add_argument('--frames', type=_count, default=30, metavar='N',
                         help='frames per condition (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=0, metavar='S',
                         help='of worlds, places, starts and noise (default: 0)')

@@ -44,7 +44,7 @@ MOST_OVERDISPERSION = 6.0  # from which the parts of the view contradict each ot
 RIVAL_DISTANCE = 0.2  # m from the winner at which a match is at another place
 MOST_BEYOND = 0.05  # m outside the searched window, where nothing was compared with the match
 MOST_SWAY = 10.0  # of camera_motion's standard deviations, from which a match is made to fit
-MOST_RIVAL = 0.8  # likeness of a match at another place from which neither is believed
+MOST_RIVAL = 0.73  # likeness of a match at another place from which neither is believed
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,7 +38,7 @@ FINE: dict[str, Value] = {**STILL, 'birdseye.resolution': 0.05 / 4.0}
 """Four cells of the view along one of the map's, so that hardly any detail is averaged away."""
 SETUPS = (
     replace(TILES, name='tiles, -3 dB', camera={**TILES.camera, **PURE},
-            localizer={**TILES.localizer, 'birdseye.resolution': 0.0125}),
+            localizer={**TILES.localizer, 'birdseye.resolution': 0.05 / 6.0}),
     Setup(
         name='road, noise 0.2', title='the road, white noise of a fifth of full scale',
         scenario='clear', camera={**CAR_CAMERA, **PURE, 'sensor.read_noise': 0.2,

@@ -44,7 +44,7 @@ class Relocalize:
 
     def count(self, part: str, frames: int) -> int:
         """Return the tries of each condition: rare faults take many to be seen."""
-        return min(2 * frames, TRIES if part == BOUNDED else FEW_TRIES)
+        return min(4 * frames, TRIES if part == BOUNDED else FEW_TRIES)
 
     def run(self, bench: Bench, part: str, index: int) -> list[Record]:
         """Search, then follow until a pose is published or the frames are over."""
