@@ -22,8 +22,7 @@ import numpy as np
 
 from gip_localizer.core.estimate import Match, Status
 from gip_localizer.core.fit import Fit
-from gip_localizer.core.lattice import Lattice
-from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.core.pose import difference
 from gip_localizer.core.posterior import independent_cells
 from gip_localizer.core.search import Found
 from gip_localizer.core.tracker import Belief
@@ -42,7 +41,6 @@ DISTINCT, LEAST_DISTINCT = 0.05, 0.1  # second best's residual over the best's, 
 SIGNIFICANT = 20.0  # standard deviations of chance correlation, beyond which they tell no more
 MOST_OVERDISPERSION = 6.0  # from which the parts of the view contradict each other
 RIVAL_DISTANCE = 0.2  # m from the winner at which a match is at another place
-MOST_BEYOND = 0.05  # m outside the searched window, where nothing was compared with the match
 MOST_SWAY = 10.0  # of camera_motion's standard deviations, from which a match is made to fit
 MOST_RIVAL = 0.73  # likeness of a match at another place from which neither is believed
 
@@ -130,7 +128,7 @@ def judge(
     expected = prior is not None and _agrees(fit, prior)
     oddity = None
     if not expected:
-        oddity = _oddity(fit, found.scores.lattice, parameters.camera_motion)
+        oddity = _oddity(found, parameters.camera_motion)
     if oddity:
         quality['confidence'] = 0.0
         return Verdict(Status.NO_MATCH, oddity, fit, quality)
@@ -225,32 +223,20 @@ def _decide(
     return Status.TRACKING, f'confidence {quality["confidence"]:.2f}, sigma {sigma_xy:.4f} m'
 
 
-def _oddity(fit: Fit, lattice: Lattice, motion: CameraMotion) -> str | None:
+def _oddity(found: Found, motion: CameraMotion) -> str | None:
     """Say what speaks against a match that no earlier fix vouches for."""
+    fit = found.fits[0]
     if fit.overdispersion > MOST_OVERDISPERSION:
         return (
             f'the parts of the view contradict each other: overdispersion '
             f'{fit.overdispersion:.1f}, limit {MOST_OVERDISPERSION:g}'
         )
-    beyond = _beyond(fit, lattice)
-    if beyond > MOST_BEYOND:
+    if found.lies_beyond:
         return (
-            f'the match lies {beyond:.2f} m outside the window that was searched: the prior is '
-            'off; give it a larger covariance, or widen search.x and search.y'
+            f'the match lies {found.beyond:.2f} m outside the window that was searched: the prior '
+            'is off; give it a larger covariance, or widen search.x and search.y'
         )
     return _swayed_too_far(fit, motion)
-
-
-def lies_beyond(found: Found) -> bool:
-    """Tell whether the best match lies where nothing was compared with it."""
-    return bool(found.fits) and _beyond(found.fits[0], found.scores.lattice) > MOST_BEYOND
-
-
-def _beyond(fit: Fit, lattice: Lattice) -> float:
-    """How far a match lies outside a window, metres; negative inside."""
-    off = difference(lattice.anchor.inverse() @ fit.pose, Pose2(0.0, 0.0, 0.0))
-    return float(max(abs(off[0]) - lattice.half[0] * lattice.step,
-                     abs(off[1]) - lattice.half[1] * lattice.step))
 
 
 def _swayed_too_far(fit: Fit, motion: CameraMotion) -> str | None:

@@ -22,7 +22,7 @@ from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.estimate import Estimate, Match, Status
 from gip_localizer.core.fit import Fit
 from gip_localizer.core.gramian import estimate_pixel_noise, gramian
-from gip_localizer.core.integrity import judge, lies_beyond, Verdict
+from gip_localizer.core.integrity import judge, Verdict
 from gip_localizer.core.map_crops import MapCrops
 from gip_localizer.core.odometry import OdometrySample, REWIND_NS
 from gip_localizer.core.optics import Optics
@@ -226,7 +226,7 @@ class Localizer:
                 return near
         extent = (first_fix if self.standing.fresh else whole)(prior, self.parameters)
         found = self._search_about(match, prior, extent)
-        if found is not None and lies_beyond(found):  # once more, with all that is around it
+        if found is not None and found.lies_beyond:  # once more, with all that is around it
             found = self._search_about(match, replace(prior, pose=found.fits[0].pose), extent)
         return found
 

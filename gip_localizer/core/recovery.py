@@ -28,7 +28,7 @@ from gip_localizer.parameters import Parameters
 HEADINGS_AT_ONCE = 12  # bounds the memory
 MAX_CELLS = 400_000  # coarse map cells; a larger map is searched on larger cells
 CANDIDATES = 12
-LOCAL_SIGMA = 1.0  # m: the local searches hardly use the coarse pose as a prior
+LOCAL_COVARIANCE = np.eye(3)  # m^2, rad^2: local searches hardly use the coarse pose as a prior
 
 
 def global_search(
@@ -48,29 +48,34 @@ def global_search(
 
     """
     places = coarse_places(view, weight, crops.raster_map, parameters)
+    if not places:
+        return None
     normalized = parameters.score.metric.endswith('normalized')
-    extents = [
-        Extent(1.5 * place.step, 1.5 * place.step, 1.2 * parameters.recovery.yaw_step,
-               parameters.search.yaw_step, parameters.score.min_overlap)
-        for place in places
-    ]
-    likeness = [
-        _likeness(lattice_scores(view, weight, crops, place.pose, extent, normalized=normalized))
-        for place, extent in zip(places, extents, strict=True)
-    ]
-    covariance = np.diag([LOCAL_SIGMA**2, LOCAL_SIGMA**2, 1.0])
-    searches = [
-        search_window(
-            view, weight, crops, Belief(stamp_ns, place.pose, covariance), extent,
+    side = 1.5 * places[0].step
+    extent = Extent(side, side, 1.2 * parameters.recovery.yaw_step, parameters.search.yaw_step,
+                    parameters.score.min_overlap)
+
+    def searched(pose: Pose2) -> Found | None:
+        found = search_window(
+            view, weight, crops, Belief(stamp_ns, pose, LOCAL_COVARIANCE), extent,
             refiner=refiner, normalized=normalized, map_noise=map_noise,
         )
-        for place, extent, alike in zip(places, extents, likeness, strict=True)
+        return found if found is not None and found.fits else None
+
+    likeness = [
+        _likeness(lattice_scores(view, weight, crops, place.pose, extent, normalized=normalized))
+        for place in places
+    ]
+    searches = [
+        searched(place.pose) for place, alike in zip(places, likeness, strict=True)
         if alike >= RIVAL_SHARE * max(likeness)
     ]
-    found = [f for f in searches if f is not None and f.fits and f.surface is not None]
+    found = [f for f in searches if f is not None]
     if not found:
         return None
     found.sort(key=lambda f: -f.fits[0].merit)
+    if found[0].lies_beyond:  # once more, with all that is around it
+        found[0] = searched(found[0].fits[0].pose) or found[0]
     return _with_rivals(found, independent_cells(weight))
 
 

@@ -24,7 +24,7 @@ from gip_localizer.core.fit import Fit
 from gip_localizer.core.levels import coarsened
 from gip_localizer.core.map_crops import MapCrops
 from gip_localizer.core.matching import make_lattice, match, Scores
-from gip_localizer.core.pose import Pose2
+from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.posterior import (
     independent_cells,
     modes,
@@ -44,6 +44,7 @@ ASIDE = (-0.2, 0.2)  # m along the weakest direction: starts beside a fit that .
 VALLEY = 3.0  # ... lies in a valley (anisotropy), or is good but contradicts itself
 CALM = (0.002, 0.5)  # rad, merit: a fit that has turned less and is better, cars or not, is level
 HOPELESS = -40.0  # log posterior below the winner's at which a mode is not refined
+MOST_BEYOND = 0.05  # m outside the searched window, where nothing was compared with the match
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +66,19 @@ class Found:
     scores: Scores
     surface: Surface | None
     fits: list[Fit]
+
+    @property
+    def beyond(self) -> float:
+        """How far the best fit lies outside the window, metres; negative inside."""
+        lattice = self.scores.lattice
+        off = difference(lattice.anchor.inverse() @ self.fits[0].pose, Pose2(0.0, 0.0, 0.0))
+        return float(max(abs(off[0]) - lattice.half[0] * lattice.step,
+                         abs(off[1]) - lattice.half[1] * lattice.step))
+
+    @property
+    def lies_beyond(self) -> bool:
+        """Whether the best fit lies where nothing was compared with it."""
+        return bool(self.fits) and self.beyond > MOST_BEYOND
 
 
 def coarse_factor(resolution: float, cell: float) -> int:
