@@ -320,6 +320,16 @@ def test_relocalizing_on_nothing_stays_silent(road):
         assert not estimate.published
 
 
+def test_a_view_that_fits_nowhere_is_no_match(road):
+    on_lane = road.pose(0.6068965517241379)  # beside it the information has negative diagonals
+    pose = Pose2(on_lane.x, on_lane.y, on_lane.yaw + 5.7)
+    localizer = make(road, recovery__confirm_frames=1)
+    localizer.relocalize()
+    estimate = localizer.update(S, road.frame(CAMERA, pose), CAMERA)
+    check(estimate, pose)
+    assert estimate.status is Status.NO_MATCH
+
+
 @pytest.mark.parametrize('pose', [Pose2(math.nan, 0.0, 0.0), Pose2(0.0, 0.0, math.inf)])
 def test_a_prior_that_is_none_is_refused_and_the_belief_stays(road, frame, pose):
     localizer = make(road)

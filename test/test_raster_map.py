@@ -165,6 +165,8 @@ def test_smoothing_does_not_let_unknown_cells_leak():
     ({'resolution': math.inf}, 'resolution'),
     ({'origin': Pose2(0.0, math.nan, 0.0)}, 'origin'),
     ({'valid': np.ones((3, 3), bool)}, 'mask'),
+    ({'grey': np.full((4, 5), math.nan, np.float32)}, 'grey holds NaN'),
+    ({'noise': np.full((4, 5), math.inf, np.float32)}, 'noise holds NaN or infinity'),
 ])
 def test_what_cannot_be_a_map_is_refused(change, word):
     with pytest.raises(MapError, match=word):

@@ -39,6 +39,7 @@ CONVERGED_SIGMAS = 0.5  # ... or in standard deviations of the outcome
 LINEAR = 10.0  # step, in these, up to which the slopes tell the map's values
 STALE = 20.0  # step, in these, up to which the slopes themselves hold
 MAX_STEP = np.array([0.15, 0.15, 0.03])  # m, m, rad: no step may leave the basin
+MAX_SWAY = np.array([0.03, 0.03, 0.1])  # rad, rad, m: nor the camera turn from the road
 MIN_GAIN = 0.02
 MIN_CELLS = 20
 
@@ -133,9 +134,10 @@ class Descent:
         """Move the state; return the length of the step (below 1: done)."""
         x, y, yaw = (float(s) for s in np.clip(step[:3], -MAX_STEP, MAX_STEP))
         moving = self._unknowns.moving
+        most = MAX_SWAY[moving]
         self._state.step = np.array([x, y, yaw])
         self._state.pose = self._state.pose @ Pose2(x, y, yaw)
-        self._state.camera_motion[moving] += step[3 : 3 + len(moving)]
+        self._state.camera_motion[moving] += np.clip(step[3 : 3 + len(moving)], -most, most)
         return max(abs(x) / DONE_XY, abs(y) / DONE_XY, abs(yaw) / DONE_YAW)
 
     def _linearise(self, rounds: int) -> Problem:

@@ -31,6 +31,7 @@ DAMPING = np.array([1.0, 1.0, 25.0])  # 1/m², 1/m², 1/rad²: no step along wha
 WIDEST = np.array([30.0, 30.0, 3.0])  # m, m, rad: what is known of any pose near its start
 MOST_OVERDISPERSION = 1e3  # also told where nothing can be
 SINGULAR = 1e-9  # least eigenvalue of an information matrix scaled to a unit diagonal
+LEAST_DIAGONAL = 1e-15  # of such a matrix before: at a hopeless place it may be negative
 SMALL_SAMPLE = 1.0  # blocks that the smallness of a sample takes off their effective number
 MOST_LEVERAGE = 0.98  # share of a block's information that is left out with it
 LEAST_SPREAD = 0.05  # of the noise model's standard deviations: residuals may be small by chance
@@ -112,7 +113,7 @@ class Problem:
         gradient -= self.telling_scale_sq * self.prior * self.prior_offset
         damped = information.copy()
         damped[range(GEOMETRY), range(GEOMETRY)] += self.scale_sq * DAMPING
-        return np.asarray(np.linalg.solve(damped, gradient))
+        return _solved(damped, gradient)
 
     def jackknife(self, blocks: Blocks) -> Floats:
         """
@@ -132,8 +133,8 @@ class Problem:
         pulls = sums[..., -1] * self.scales
         whole = self._normal(sums[..., :-1].sum(axis=0))
         parts = self._scaled(sums[..., :-1])
-        moved = np.linalg.solve(whole - MOST_LEVERAGE * parts, pulls[..., None])[:, :GEOMETRY, 0]
-        held = np.linalg.inv(whole)[:GEOMETRY]
+        moved = _solved(whole - MOST_LEVERAGE * parts, pulls[..., None])[:, :GEOMETRY, 0]
+        held = _solved(whole, np.eye(len(whole)))[:GEOMETRY]
         spread = moved.T @ moved + (held * (self.telling_scale_sq**2 * self.prior)) @ held.T
         few = _effective(moved, spread)
         spread *= few / max(few - SMALL_SAMPLE, 1.0)
@@ -158,7 +159,7 @@ class Problem:
         """
         if not (np.isfinite(self.expected).all() and np.isfinite(covariance).all()):
             return MOST_OVERDISPERSION
-        ratio = float(np.trace(np.linalg.solve(self.expected, covariance))) / GEOMETRY
+        ratio = float(np.trace(_positive_inverse(self.expected) @ covariance)) / GEOMETRY
         return min(float(np.sqrt(max(ratio, 0.0))), MOST_OVERDISPERSION)
 
     def fisher(self) -> Floats:
@@ -207,9 +208,17 @@ def _effective(moved: Floats, covariance: Floats) -> float:
     return float(shares.sum() ** 2 / max(float((shares**2).sum()), 1e-30))
 
 
+def _solved(matrix: Floats, right: Floats) -> Floats:
+    """Solution of symmetric systems (..., p, p); the shortest one where they are singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(matrix, hermitian=True) @ right)
+
+
 def _positive_inverse(matrix: Floats) -> Floats:
-    """Inverse of a symmetric matrix (p, p) whose least eigenvalues may be rounded below zero."""
-    unit = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-30))
+    """Inverse of a symmetric matrix (p, p) whose least eigenvalues may be below zero."""
+    unit = 1.0 / np.sqrt(np.maximum(np.diag(matrix), LEAST_DIAGONAL))
     values, vectors = np.linalg.eigh(matrix * np.outer(unit, unit))
     inverse = (vectors / np.maximum(values, SINGULAR)) @ vectors.T
     return np.asarray(inverse * np.outer(unit, unit))

@@ -17,6 +17,13 @@ QUARTER = np.array([-3.0, 29.0, 111.0, -9.0, 0.0], np.float32) / 128.0
 """Cubic convolution a quarter of a cell before the middle one of five."""
 
 
+def all_finite(values: Grey) -> bool:
+    """Tell whether an array holds neither NaN nor infinity."""
+    if values.dtype.kind != 'f':
+        return True
+    return bool(np.isfinite(values.min()) and np.isfinite(values.max()))
+
+
 def scaled(grey: Grey) -> Floats:
     """Grey on its full scale, (rows, cols) float32 in [0, 1]."""
     return np.asarray(np.asarray(grey, np.float32) / np.float32(WHITE[grey.dtype]))

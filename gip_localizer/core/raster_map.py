@@ -21,6 +21,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Bools, Floats, Grey
 from gip_localizer.core.map_cells import (
+    all_finite,
     averaged_noise,
     blurred,
     doubled,
@@ -60,7 +61,8 @@ class RasterMap:
     Raises
     ------
     MapError
-        Empty array, unknown dtype, or a resolution that is not positive.
+        Empty array, unknown dtype, NaN or infinity (unknown cells are told by `valid`), or a
+        resolution that is not positive.
 
     """
 
@@ -92,6 +94,12 @@ class RasterMap:
                 f'map noise has shape {self.noise.shape} and type {self.noise.dtype}; expected '
                 f'that of the map, {self.grey.shape}, of uint8, uint16 or float32'
             )
+        for name, values in (('grey', self.grey), ('noise', self.noise)):
+            if values is not None and not all_finite(values):
+                raise MapError(
+                    f'map {name} holds NaN or infinity; expected finite numbers, and cells that '
+                    'are unknown marked False in `valid`'
+                )
 
     def release(self) -> None:
         """Give back the memory of what was looked at, where the map is mapped from disk."""
