@@ -31,7 +31,7 @@ DAMPING = np.array([1.0, 1.0, 25.0])  # 1/m², 1/m², 1/rad²: no step along wha
 WIDEST = np.array([30.0, 30.0, 3.0])  # m, m, rad: what is known of any pose near its start
 MOST_OVERDISPERSION = 1e3  # also told where nothing can be
 SINGULAR = 1e-9  # least eigenvalue of an information matrix scaled to a unit diagonal
-LEAST_DIAGONAL = 1e-15  # of such a matrix before: at a hopeless place it may be negative
+LEAST_DIAGONAL = 1e-15  # that scales a matrix so: at a hopeless place it may be negative
 SMALL_SAMPLE = 1.0  # blocks that the smallness of a sample takes off their effective number
 MOST_LEVERAGE = 0.98  # share of a block's information that is left out with it
 LEAST_SPREAD = 0.05  # of the noise model's standard deviations: residuals may be small by chance
@@ -134,7 +134,7 @@ class Problem:
         whole = self._normal(sums[..., :-1].sum(axis=0))
         parts = self._scaled(sums[..., :-1])
         moved = _solved(whole - MOST_LEVERAGE * parts, pulls[..., None])[:, :GEOMETRY, 0]
-        held = _solved(whole, np.eye(len(whole)))[:GEOMETRY]
+        held = _inverse(whole)[:GEOMETRY]
         spread = moved.T @ moved + (held * (self.telling_scale_sq**2 * self.prior)) @ held.T
         few = _effective(moved, spread)
         spread *= few / max(few - SMALL_SAMPLE, 1.0)
@@ -164,7 +164,7 @@ class Problem:
 
     def fisher(self) -> Floats:
         """Return the covariance (3, 3) of the geometry for independent pixel noise."""
-        inverse = np.linalg.inv(
+        inverse = _inverse(
             self._normal(product(self.exact() * self.all_weights, self.slopes))
         )
         return self.scale_sq * inverse[:GEOMETRY, :GEOMETRY]
@@ -214,6 +214,11 @@ def _solved(matrix: Floats, right: Floats) -> Floats:
         return np.asarray(np.linalg.solve(matrix, right))
     except np.linalg.LinAlgError:
         return np.asarray(np.linalg.pinv(matrix, hermitian=True) @ right)
+
+
+def _inverse(matrix: Floats) -> Floats:
+    """Inverse of a symmetric matrix (p, p); the pseudo-inverse where it is singular."""
+    return _solved(matrix, np.eye(len(matrix)))
 
 
 def _positive_inverse(matrix: Floats) -> Floats:

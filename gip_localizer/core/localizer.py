@@ -29,7 +29,7 @@ from gip_localizer.core.optics import Optics
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.recovery import global_search
-from gip_localizer.core.search import Found, search_window
+from gip_localizer.core.search import around_winner, Found, search_window
 from gip_localizer.core.standing import Standing
 from gip_localizer.core.tracker import Belief, checked_prior, Tracker
 from gip_localizer.core.windows import Extent, first_fix, followed, whole
@@ -225,10 +225,11 @@ class Localizer:
             if judge(match, near, self.parameters, prior=prior).status is Status.TRACKING:
                 return near
         extent = (first_fix if self.standing.fresh else whole)(prior, self.parameters)
-        found = self._search_about(match, prior, extent)
-        if found is not None and found.lies_beyond:  # once more, with all that is around it
-            found = self._search_about(match, replace(prior, pose=found.fits[0].pose), extent)
-        return found
+
+        def search(pose: Pose2) -> Found | None:
+            return self._search_about(match, replace(prior, pose=pose), extent)
+
+        return around_winner(search(prior.pose), search)
 
     def _search_about(self, match: Match, prior: Belief, extent: Extent) -> Found | None:
         return search_window(

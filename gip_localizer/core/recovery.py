@@ -19,7 +19,13 @@ from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.posterior import best_peaks, independent_cells, with_unseen
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.refinement import Refiner
-from gip_localizer.core.search import coarse_factor, Found, lattice_scores, search_window
+from gip_localizer.core.search import (
+    around_winner,
+    coarse_factor,
+    Found,
+    lattice_scores,
+    search_window,
+)
 from gip_localizer.core.starts import RIVAL_SHARE
 from gip_localizer.core.tracker import Belief
 from gip_localizer.core.windows import Extent
@@ -74,8 +80,7 @@ def global_search(
     if not found:
         return None
     found.sort(key=lambda f: -f.fits[0].merit)
-    if found[0].lies_beyond:  # once more, with all that is around it
-        found[0] = searched(found[0].fits[0].pose) or found[0]
+    found[0] = around_winner(found[0], searched) or found[0]
     return _with_rivals(found, independent_cells(weight))
 
 

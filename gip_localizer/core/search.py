@@ -81,6 +81,15 @@ class Found:
         return bool(self.fits) and self.beyond > MOST_BEYOND
 
 
+def around_winner(
+    found: Found | None, search: Callable[[Pose2], Found | None]
+) -> Found | None:
+    """Return a search, or one more with all that is around its best fit if that lies beyond."""
+    if found is None or not found.lies_beyond:
+        return found
+    return search(found.fits[0].pose)
+
+
 def coarse_factor(resolution: float, cell: float) -> int:
     """Return how many cells are joined per side for a lattice of about `cell` metres."""
     return max(int(cell / resolution + 1e-6), 1)
