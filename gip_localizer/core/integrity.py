@@ -3,13 +3,13 @@
 """
 Whether a match is believed, and the figures that decide it.
 
-No single score tells a wrong place from a poor one: lines alone correlate well a lamp post
-further on, and a crowded road poorly at the right place. Six figures together do: how well the
-whole view correlates with the map, and how far beyond chance; how much likelier the map makes
-the part of it that agrees; how much of the road agrees; how far the parts of the view contradict
-each other about the pose; and how far the second best place is behind. Their weights are a
-logistic regression over rendered frames at right and wrong places, on rich and poor texture, by
-day and night, with exact and noisy maps.
+No single score of a match tells a wrong place from a poor one: lines alone correlate well a lamp
+post further on, and a crowded road poorly at the right place. How far a match is ahead of the best
+one elsewhere tells them apart: by the share of the road that agrees and how much likelier the map
+makes it (`Fit.merit`), less what another place reaches of both. With how far the whole view
+correlates beyond chance it gives the confidence, by a logistic regression over rendered frames at
+right and wrong places, on rich and poor texture, behind cars, by day and night, with exact and
+noisy maps. Other figures of a match told no more beside these two.
 
 """
 
@@ -29,15 +29,10 @@ from gip_localizer.core.tracker import Belief
 from gip_localizer.parameters import CameraMotion, Parameters
 
 TIGHT_XY, TIGHT_YAW = 0.15, 0.03  # m, rad: standard deviations of a prior that may vouch
-CONFIDENCE_OFFSET = -1.35
-CONFIDENCE_LATTICE = 1.7  # per unit of correlation of the whole view
-CONFIDENCE_EVIDENCE = 2.7  # per unit of log likelihood that the map gains in what agrees
-CONFIDENCE_AGREEMENT = 0.3  # per share of the road that agrees
-CONFIDENCE_OVERDISPERSION = -1.25  # per natural logarithm
-CONFIDENCE_DISTINCT = 1.8  # per natural logarithm
-CONFIDENCE_SIGNIFICANCE = 3.2  # per natural logarithm
-MOST_EVIDENCE = 2.0  # beyond which it tells no more
-DISTINCT, LEAST_DISTINCT = 0.05, 0.1  # second best's residual over the best's, less 1; least share
+CONFIDENCE_OFFSET = 6.1
+CONFIDENCE_LEAD = 3.3  # per natural logarithm of the lead over the best other place
+CONFIDENCE_SIGNIFICANCE = 3.4  # per natural logarithm
+LEAST_LEAD = 0.01
 SIGNIFICANT = 20.0  # standard deviations of chance correlation, beyond which they tell no more
 MOST_OVERDISPERSION = 6.0  # from which the parts of the view contradict each other
 RIVAL_DISTANCE = 0.2  # m from the winner at which a match is at another place
@@ -55,33 +50,26 @@ class Verdict:
     quality: dict[str, float] = field(default_factory=dict)
 
 
-def confidence(lattice_correlation: float, second_ratio: float, cells: float, fit: Fit) -> float:
+def confidence(lead: float, lattice_correlation: float, cells: float) -> float:
     """
     Probability that a match is at the right place.
 
     Parameters
     ----------
+    lead : float
+        Merit of the match (`Fit.merit`), less the share of it that another place reaches.
     lattice_correlation : float
         Of the whole view with the map, at the best candidate of the lattice.
-    second_ratio : float
-        Residual of the best candidate elsewhere over the best candidate's.
     cells : float
         Independent cells of the view: chance correlates like one over their root.
-    fit : Fit
-        The refined match.
 
     """
-    distinct = min(max((second_ratio - 1.0) / DISTINCT, LEAST_DISTINCT), 1.0)
     significance = max(lattice_correlation, 0.01) * math.sqrt(cells) / SIGNIFICANT
     evidence = (
-        CONFIDENCE_OFFSET + CONFIDENCE_LATTICE * lattice_correlation
-        + CONFIDENCE_EVIDENCE * min(fit.evidence, MOST_EVIDENCE)
-        + CONFIDENCE_AGREEMENT * fit.agreement
-        + CONFIDENCE_OVERDISPERSION * math.log(max(fit.overdispersion, 0.3))
-        + CONFIDENCE_DISTINCT * math.log(distinct)
+        CONFIDENCE_OFFSET + CONFIDENCE_LEAD * math.log(min(max(lead, LEAST_LEAD), 1.0))
         + CONFIDENCE_SIGNIFICANCE * math.log(min(significance, 1.0))
     )
-    return 1.0 / (1.0 + math.exp(-max(evidence, -700.0)))
+    return 1.0 / (1.0 + math.exp(-evidence))
 
 
 def judge(
@@ -163,8 +151,11 @@ def _figures(found: Found, fit: Fit, cells: float) -> dict[str, float]:
     assert found.surface is not None
     sigma = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     lattice = float(found.scores.correlation[found.surface.winner])
+    rival = _rival(found, fit)
+    lead = fit.merit * max(1.0 - rival, 0.0)
     return {
-        'confidence': confidence(lattice, found.surface.second_ratio, cells, fit),
+        'confidence': confidence(lead, lattice, cells),
+        'lead': lead,
         'correlation': fit.correlation,
         'overlap': fit.overlap,
         'agreement': fit.agreement,
@@ -174,7 +165,7 @@ def _figures(found: Found, fit: Fit, cells: float) -> dict[str, float]:
         'winner_mass': found.surface.winner_mass,
         'second_ratio': found.surface.second_ratio,
         'lattice_correlation': lattice,
-        'rival': _rival(found, fit),
+        'rival': rival,
         'entropy': found.surface.entropy,
         'sigma_ahead_m': float(sigma[0]),
         'sigma_left_m': float(sigma[1]),
@@ -197,8 +188,8 @@ def _decide(
     if not quality['confidence'] >= least:
         return Status.NO_MATCH, (
             f'confidence {quality["confidence"]:.2f} is below integrity.{name} {least:g} '
-            f'(correlation of the view {quality["lattice_correlation"]:.2f}, '
-            f'{fit.agreement:.0%} of the road agrees, overdispersion {fit.overdispersion:.1f})'
+            f'(lead over other places {quality["lead"]:.2f}, correlation of the view '
+            f'{quality["lattice_correlation"]:.2f}, {fit.agreement:.0%} of the road agrees)'
         )
     if fit.overlap < parameters.score.min_overlap:
         return Status.LOW_OVERLAP, (

@@ -170,6 +170,7 @@ MATCH = Concern('match', (
          withheld=False),
 ), {
     'confidence': ('', 'probability that the match is at the right place'),
+    'lead': ('', 'how far the match is ahead of the best one at another place'),
     'correlation': ('', 'of view and map under the Gramian, at the match'),
     'lattice_correlation': ('', 'the same before refinement, camera at rest'),
     'contrast': ('', 'weighted standard deviation of the view, grey levels of [0, 1]'),
