@@ -39,6 +39,7 @@ class Status(str, Enum):
     UNCERTAIN = 'UNCERTAIN'
     CONFIRMING = 'CONFIRMING'
     LOST = 'LOST'
+    FAULT = 'FAULT'
 
     def __str__(self) -> str:
         """Return the word itself."""

@@ -166,6 +166,8 @@ MATCH = Concern('match', (
     Rule(Status.UNCERTAIN, E, 'the covariance exceeds integrity.max_sigma_xy or max_sigma_yaw'),
     Rule(Status.CONFIRMING, W, 'a pose found anew waits for recovery.confirm_frames'),
     Rule(Status.LOST, E, 'integrity.lost_after frames in a row without a fix'),
+    Rule(Status.FAULT, E, 'the frame raised an error that nobody foresaw; its traceback is in the '
+         'log'),
     Rule('SLOW', W, 'the median execution time exceeds the time between images',
          withheld=False),
 ), {

@@ -32,6 +32,7 @@ from gip_localizer.io.state_file import map_hash
 from gip_localizer.io.state_keeper import StateKeeper
 from gip_localizer.parameters import Parameters
 from gip_localizer.ros.diagnostics import Diagnostics
+from gip_localizer.ros.faults import survived
 from gip_localizer.ros.inputs import Inputs, Localize
 from gip_localizer.ros.outputs import Outputs
 from gip_localizer.ros.parameters import warn_of_unknown_qos
@@ -133,7 +134,9 @@ class Localization:
         self._inputs.take_waiting_odometry()
         self._keeper.before(stamp)
         self._health.begins()
-        work, finish = partial(localize, message), partial(self._finish, started)
+        log = self._node.get_logger().error
+        work = partial(survived, partial(localize, message), stamp, log)
+        finish = partial(self._finish, started)
         if unplaced := self._unplaced(message):
             finish(unplaced)
         elif self._frontend.localizer.searches(stamp):

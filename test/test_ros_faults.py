@@ -1,0 +1,60 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""An error that nobody foresaw costs the frame and not the node."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from ros_scene import *  # noqa: F403 - fixtures and the world
+from ros_scene import camera_info, parameters, SECOND, START
+
+from gip_localizer.core.estimate import Status
+from gip_localizer.core.localizer import Localizer
+from gip_localizer.core.threads import WorkEndedError
+from gip_localizer.parameters import Parameters
+from gip_localizer.ros.conversions import mono8
+from gip_localizer.ros.faults import survived
+from gip_localizer.ros.localization import Localization
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def localization(tester, map_file):
+    """The working part of the node, on the tester's own node."""
+    localization = Localization(tester, Parameters.from_dict(parameters(map_file)))
+    yield localization
+    localization.close()
+
+
+def test_a_frame_that_raises_is_told_and_the_next_one_gives_a_pose(
+    localization, render, monkeypatch
+):
+    frontend, told = localization._frontend, []
+    monkeypatch.setattr(
+        localization._outputs, 'publish', lambda estimate, _: told.append(estimate)
+    )
+    frontend.on_camera_info(camera_info())
+    update = Localizer.update
+
+    def localize(stamp):
+        localization._on_frame(frontend.on_image, mono8(stamp, 'camera', render(START)))
+
+    monkeypatch.setattr(Localizer, 'update', lambda *_, **__: 1 / 0)
+    localize(SECOND)
+    monkeypatch.setattr(Localizer, 'update', update)
+    localize(2 * SECOND)
+    assert [estimate.status for estimate in told] == [Status.FAULT, Status.TRACKING]
+    assert 'ZeroDivisionError' in told[0].reason
+    assert told[0].pose is None
+
+
+def test_the_end_of_the_process_is_no_fault():
+    def ended():
+        raise WorkEndedError
+
+    with pytest.raises(WorkEndedError):
+        survived(ended, SECOND, pytest.fail)
