@@ -112,7 +112,8 @@ def judge(
             f'score.min_overlap {parameters.score.min_overlap:.0%}'
         ), None, quality)
     fit = found.fits[0]
-    quality.update(_figures(found, fit, independent_cells(match.weight)))
+    cells = independent_cells(match.weight)
+    quality.update(_figures(found, fit, cells))
     expected = prior is not None and _agrees(fit, prior)
     oddity = None
     if not expected:
@@ -120,7 +121,7 @@ def judge(
     if oddity:
         quality['confidence'] = 0.0
         return Verdict(Status.NO_MATCH, oddity, fit, quality)
-    status, reason = _decide(quality, fit, parameters, expected=expected)
+    status, reason = _decide(quality, fit, cells, parameters, expected=expected)
     return Verdict(status, reason, fit, quality)
 
 
@@ -178,13 +179,19 @@ def _figures(found: Found, fit: Fit, cells: float) -> dict[str, float]:
 
 
 def _decide(
-    quality: dict[str, float], fit: Fit, parameters: Parameters, *, expected: bool
+    quality: dict[str, float], fit: Fit, cells: float, parameters: Parameters, *, expected: bool
 ) -> tuple[Status, str]:
     limits = parameters.integrity
     name = 'min_confidence_tracking' if expected else 'min_confidence'
     least = getattr(limits, name)
     if not fit.converged:
         return Status.NO_MATCH, 'the refinement did not converge'
+    unrivalled = confidence(fit.merit, quality['lattice_correlation'], cells) >= least
+    if quality['rival'] > MOST_RIVAL and unrivalled:
+        return Status.AMBIGUOUS, (
+            f'another place in the window matches as well (likeness {quality["rival"]:.2f}, '
+            f'limit {MOST_RIVAL:g})'
+        )
     if not quality['confidence'] >= least:
         return Status.NO_MATCH, (
             f'confidence {quality["confidence"]:.2f} is below integrity.{name} {least:g} '
@@ -199,11 +206,6 @@ def _decide(
         return Status.AMBIGUOUS, (
             f'the best mode holds {quality["winner_mass"]:.0%} of the probability, below '
             f'integrity.min_winner_mass {limits.min_winner_mass:.0%}'
-        )
-    if quality['rival'] > MOST_RIVAL:
-        return Status.AMBIGUOUS, (
-            f'another place in the window matches as well (likeness {quality["rival"]:.2f}, '
-            f'limit {MOST_RIVAL:g})'
         )
     sigma_xy = math.hypot(quality['sigma_ahead_m'], quality['sigma_left_m'])
     if sigma_xy > limits.max_sigma_xy or quality['sigma_yaw_rad'] > limits.max_sigma_yaw:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import traceback
 
 from gip_localizer.core.estimate import Estimate, Status
-from gip_localizer.core.threads import WorkEndedError
+from gip_localizer.core.threads import check_end, WorkEndedError
 
 
 def survived(
@@ -42,6 +42,7 @@ def survived(
     except WorkEndedError:
         raise
     except Exception as error:  # a fault of this package, whatever it is
+        check_end()  # whose pools break first
         log(traceback.format_exc())
         return Estimate(stamp_ns, Status.FAULT, (
             f'{type(error).__name__}: {error}; a fault of gip_localizer, please report it with '
