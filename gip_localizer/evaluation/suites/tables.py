@@ -12,13 +12,14 @@ import numpy as np
 
 from gip_localizer.evaluation.suites.suite import Cell, Record, Section
 
+FIGURES = (
+    'confidence', 'lead', 'lattice_correlation', 'agreement', 'overdispersion', 'winner_mass',
+)
 COLUMNS = (
     'suite', 'part', 'index', 'kind', 'status', 'ahead_m', 'left_m', 'yaw_rad', 'raw_ahead_m',
     'raw_left_m', 'raw_yaw_rad', 'sigma_ahead_m', 'sigma_left_m', 'sigma_yaw_rad', 'nees',
-    'confidence', 'lead', 'lattice_correlation', 'agreement', 'overdispersion',
-    'winner_mass', 'milliseconds',
+    *FIGURES, 'milliseconds',
 )
-FIGURES = COLUMNS[15:21]
 
 
 def text(cell: Cell) -> str:
