@@ -140,6 +140,14 @@ def test_a_crop_for_larger_cells_is_smoothed_and_decimated():
     )
 
 
+def test_half_cells_lie_on_the_splines_through_the_cells():
+    raster_map = RasterMap(GREY, 0.05)
+    half = np.meshgrid(*((np.arange(2 * n) - 0.5) / 2.0 for n in GREY.shape), indexing='ij')
+    expected = map_coordinates(GREY, half, order=3, mode='nearest')
+    inside = np.s_[12:-12, 12:-12]
+    np.testing.assert_allclose(raster_map.doubled().grey[inside], expected[inside], atol=2e-3)
+
+
 def test_a_crop_off_the_map_is_none():
     assert RasterMap(GREY, 0.1).crop(np.array([[500.0, 0.0]]), margin=1.0, cell=0.1) is None
 

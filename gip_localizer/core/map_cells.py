@@ -4,17 +4,18 @@
 
 from __future__ import annotations
 
+from functools import cache
 import math
 
 import cv2
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from gip_localizer.core.arrays import Bools, Floats, Grey
 
 WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0, np.dtype(np.float32): 1.0}
 SLOPE_RIGHT = np.array([[-0.5, 0.5], [-0.5, 0.5]], np.float32)
-QUARTER = np.array([-3.0, 29.0, 111.0, -9.0, 0.0], np.float32) / 128.0
-"""Cubic convolution a quarter of a cell before the middle one of five."""
+REACH = 5  # cells to either side that a spline between cells is told from
 
 
 def all_finite(values: Grey) -> bool:
@@ -80,11 +81,27 @@ def blurred(values: Floats, valid: Bools | None, sigma: float) -> tuple[Floats, 
     return (known / np.maximum(share, 1e-6)).astype(np.float32), valid & (share > 0.5)
 
 
+@cache
+def _quarter() -> Floats:
+    """Weights of 2 REACH + 1 cells in the cubic spline a quarter of a cell before their middle."""
+    cells = np.eye(2 * REACH + 1)
+    weights = CubicSpline(np.arange(-REACH, REACH + 1), cells, bc_type='natural')(-0.25)
+    return np.asarray(weights, np.float32)
+
+
 def doubled(values: Floats) -> Floats:
-    """Twice the rows and columns, by cubic convolution (Keys 1981, exact for parabolas)."""
+    """
+    Twice the rows and columns, by cubic splines through the cells.
+
+    What an interpolation blurs between cell centres and not at them draws a match towards these.
+    Over roads along the map's axes the pull of cubic convolution is 0.9 mm on cells of 5 cm, that
+    of splines 0.2 mm.
+
+    """
     out = np.empty((2 * values.shape[0], 2 * values.shape[1]), np.float32)
-    for i, down in enumerate((QUARTER, QUARTER[::-1])):
-        for k, right in enumerate((QUARTER, QUARTER[::-1])):
+    before, after = _quarter(), np.ascontiguousarray(_quarter()[::-1])
+    for i, down in enumerate((before, after)):
+        for k, right in enumerate((before, after)):
             out[i::2, k::2] = cv2.sepFilter2D(
                 values, cv2.CV_32F, right, down, borderType=cv2.BORDER_REPLICATE
             )

@@ -255,7 +255,7 @@ class RasterMap:
 
     def doubled(self) -> RasterMap:
         """
-        Return the map (float32) on cells of half the side, by cubic convolution.
+        Return the map (float32) on cells of half the side, by cubic splines.
 
         Between cell centres bilinear sampling blurs, at them it does not, which draws a match
         towards the one or the other; sampled on the halved cells that pull is small.
