@@ -28,9 +28,9 @@ class Fit:
     pose : Pose2
         Base in map.
     covariance : (3, 3) float64
-        Of x, y (m) and yaw (rad) in the axes of the pose (ahead, left), by leaving out
-        one block of road at a time (jackknife), so that correlated residuals count as what they
-        are; wider where a share of the road disagrees.
+        Of x, y (m) and yaw (rad) in the axes of the pose (ahead, left), from how far each block
+        of road moves it, so that correlated residuals count as what they are; wider where a share
+        of the road disagrees.
     problem : Problem
         The least-squares problem at the pose.
     camera_motion : (3,) float64

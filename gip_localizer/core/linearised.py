@@ -8,8 +8,8 @@ equation is `Jᵀ W r = 0` and its slope `Jᵀ W S J`. For white pixel noise tha
 likelihood. Where a cell errs with the map and not with the pixels, instruments Z stand in for J:
 `Zᵀ W r = 0`, with slope `Zᵀ W S J`. Z are the slopes of a blurred map, since between the centres
 of its cells a map tells where an edge is on the whole, but not its shape, and what a sharp slope
-makes of the shape draws all edges along the map's rows the same way. The spread of the estimates
-without one block of road each (the jackknife) holds whatever the residuals are.
+makes of the shape draws all edges along the map's rows the same way. The covariance is told from
+how far each block of road moves the pose, which holds whatever the residuals are.
 
 """
 
@@ -33,7 +33,7 @@ MOST_OVERDISPERSION = 1e3  # also told where nothing can be
 SINGULAR = 1e-9  # least eigenvalue of an information matrix scaled to a unit diagonal
 LEAST_DIAGONAL = 1e-15  # that scales a matrix so: at a hopeless place it may be negative
 SMALL_SAMPLE = 1.0  # blocks that the smallness of a sample takes off their effective number
-MOST_LEVERAGE = 0.98  # share of a block's information that is left out with it
+MOST_LEVERAGE = 0.98  # of a block that is made up for
 LEAST_SPREAD = 0.05  # of the noise model's standard deviations: residuals may be small by chance
 
 
@@ -115,13 +115,14 @@ class Problem:
         damped[range(GEOMETRY), range(GEOMETRY)] += self.scale_sq * DAMPING
         return _solved(damped, gradient)
 
-    def jackknife(self, blocks: Blocks) -> Floats:
+    def block_covariance(self, blocks: Blocks) -> Floats:
         """
         Return the covariance (3, 3) of the geometry: how far each block of road moves it.
 
-        Every block in turn is left out, which moves the estimate by `(A - A_b)⁻¹ g_b` with the
-        whole slope A, the block's own A_b and its gradient g_b. A block that decides alone has
-        residuals that are small whatever its error is; what is left without it tells.
+        A block moves the estimate by `A⁻¹ g_b`, with the whole slope A and its gradient g_b. One
+        that decides alone has residuals that are small whatever its error is; its leverage makes
+        up for that (Bell and McCaffrey 2002). Leaving the blocks out in turn, the jackknife, tells
+        too much where blocks are few for the unknowns.
 
         Never far below what the noise model expects, which is large along what nothing tells.
 
@@ -132,8 +133,7 @@ class Problem:
         sums = blocks.products(self.instruments, columns)
         pulls = sums[..., -1] * self.scales
         whole = self._normal(sums[..., :-1].sum(axis=0))
-        parts = self._scaled(sums[..., :-1])
-        moved = _solved(whole - MOST_LEVERAGE * parts, pulls[..., None])[:, :GEOMETRY, 0]
+        moved = _moved(whole, self._scaled(sums[..., :-1]), pulls)[:, :GEOMETRY]
         held = _inverse(whole)[:GEOMETRY]
         spread = moved.T @ moved + (held * (self.telling_scale_sq**2 * self.prior)) @ held.T
         few = _effective(moved, spread)
@@ -206,6 +206,32 @@ def _effective(moved: Floats, covariance: Floats) -> float:
     """
     shares = np.einsum('ij,ij->i', moved @ np.linalg.pinv(covariance), moved)
     return float(shares.sum() ** 2 / max(float((shares**2).sum()), 1e-30))
+
+
+def _moved(whole: Floats, parts: Floats, pulls: Floats) -> Floats:
+    """
+    How far each block moves the estimate, its pull as strong as its errors, (blocks, p).
+
+    Of the errors' variance the fit leaves in a block the share 1 - h along an axis with leverage
+    h, an eigenvalue of `A^-1/2 A_b A^-1/2`: its residuals pull too weakly by the root of that.
+
+    Parameters
+    ----------
+    whole : (p, p)
+        A.
+    parts : (blocks, p, p)
+        A_b.
+    pulls : (blocks, p)
+        g_b.
+
+    """
+    unit = 1.0 / np.sqrt(np.maximum(np.diag(whole), LEAST_DIAGONAL))
+    values, vectors = np.linalg.eigh(whole * np.outer(unit, unit))
+    root = unit[:, None] * (vectors / np.sqrt(np.maximum(values, SINGULAR)))
+    leverage, axes = np.linalg.eigh(root.T @ parts @ root)
+    along = (axes.swapaxes(-1, -2) @ (pulls @ root)[..., None])[..., 0]
+    along /= np.sqrt(1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE))
+    return np.asarray((axes @ along[..., None])[..., 0] @ root.T)
 
 
 def _solved(matrix: Floats, right: Floats) -> Floats:

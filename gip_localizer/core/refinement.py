@@ -146,7 +146,7 @@ class Refiner:
             elif self._unknowns.normalized:
                 state.shading = descent.shaded(problem)
         drift = math.hypot(state.pose.x - start.x, state.pose.y - start.y)
-        spread = problem.jackknife(self._stages[-1].blocks)
+        spread = problem.block_covariance(self._stages[-1].blocks)
         covariance = spread / _recognised(problem) + _beyond(coarser, state.pose, layers[-1])
         converged = (
             drift < MAX_DRIFT and _is_covariance(covariance) and settled(state.step, covariance)
