@@ -11,6 +11,7 @@ import pytest
 from road_samples import PARAMETERS, Road
 from scipy.stats import chi2
 
+from gip_localizer.core import recovery
 from gip_localizer.core.camera import Extrinsics
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.localizer import Localizer
@@ -328,6 +329,22 @@ def test_a_view_that_fits_nowhere_is_no_match(road):
     estimate = localizer.update(S, road.frame(CAMERA, pose), CAMERA)
     check(estimate, pose)
     assert estimate.status is Status.NO_MATCH
+
+
+def test_the_best_place_of_the_map_wins_though_a_look_around_the_first_finds_less(
+    road, frame, monkeypatch
+):
+    def elsewhere(found, searched):
+        pose = found.fits[0].pose
+        return searched(Pose2(pose.x + 2.0, pose.y, pose.yaw))
+
+    places = recovery.coarse_places
+    monkeypatch.setattr(recovery, 'coarse_places', lambda *a: 2 * places(*a)[:1])
+    monkeypatch.setattr(recovery, 'around_winner', elsewhere)
+    localizer = make(road, recovery__confirm_frames=1)
+    localizer.relocalize()
+    found = localizer.update(S, frame[1], CAMERA).match.fit
+    assert np.abs(difference(found.pose, frame[0])).max() < 0.05
 
 
 @pytest.mark.parametrize('pose', [Pose2(math.nan, 0.0, 0.0), Pose2(0.0, 0.0, math.inf)])

@@ -79,9 +79,14 @@ def global_search(
     found = [f for f in searches if f is not None]
     if not found:
         return None
-    found.sort(key=lambda f: -f.fits[0].merit)
+    found.sort(key=_merit, reverse=True)
     found[0] = around_winner(found[0], searched) or found[0]
+    found.sort(key=_merit, reverse=True)  # a look around may find less than another place has
     return _with_rivals(found, independent_cells(weight))
+
+
+def _merit(found: Found) -> float:
+    return found.fits[0].merit
 
 
 def _likeness(scores: Scores) -> float:
