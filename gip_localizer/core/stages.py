@@ -20,7 +20,7 @@ from gip_localizer.core.levels import coarsened
 STAGES = ((4, 6), (2, 6), (1, 12))  # cells joined per side, and the most steps
 PLAIN_STEPS = 2  # of the first stage, before outliers are told from misalignment
 LEAST_SCALE_SQ = 0.5  # residuals this small against the noise model are never outliers
-BLOCK_SIDES = (2.0, 1.0)  # m ahead, m left: residuals count as correlated within such blocks
+BLOCK_SIDES = (1.0, 1.0)  # m ahead, m left: residuals count as correlated within such blocks
 LEAST_BLOCKS = 7  # along each axis
 PATTERN_SIDE = 1.0  # m: larger blocks, which agree with the map or do not
 LEAST_CELLS = 200  # joined cells that a stage must have
