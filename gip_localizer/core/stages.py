@@ -20,8 +20,9 @@ from gip_localizer.core.levels import coarsened
 STAGES = ((4, 6), (2, 6), (1, 12))  # cells joined per side, and the most steps
 PLAIN_STEPS = 2  # of the first stage, before outliers are told from misalignment
 LEAST_SCALE_SQ = 0.5  # residuals this small against the noise model are never outliers
-BLOCK_SIDES = (1.0, 1.0)  # m ahead, m left: residuals count as correlated within such blocks
-LEAST_BLOCKS = 7  # along each axis
+BLOCK_SIDES = (1.0, 0.5)  # m ahead, m left: residuals count as correlated within such blocks
+LEAST_BLOCKS = 10  # along each axis, ...
+ENOUGH_BLOCKS = 7  # ... unless there are so many of the larger ones
 PATTERN_SIDE = 1.0  # m: larger blocks, which agree with the map or do not
 LEAST_CELLS = 200  # joined cells that a stage must have
 OPTICAL_TERMS = 5
@@ -84,6 +85,9 @@ def _blocks(points: Floats, grid: Grid) -> Blocks:
     extent = (grid.rows * grid.resolution, grid.cols * grid.resolution)
     ahead, left = (min(s, e / LEAST_BLOCKS) for s, e in zip(BLOCK_SIDES, extent, strict=True))
     joined = (whole_blocks(ahead, PATTERN_SIDE), whole_blocks(left, PATTERN_SIDE))
+    larger = ahead * joined[0], left * joined[1]
+    if all(e >= ENOUGH_BLOCKS * side for e, side in zip(extent, larger, strict=True)):
+        return Blocks(points[:, 0], points[:, 1], larger, (1, 1))
     return Blocks(points[:, 0], points[:, 1], (ahead, left), joined)
 
 
