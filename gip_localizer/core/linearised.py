@@ -225,9 +225,7 @@ def _moved(whole: Floats, parts: Floats, pulls: Floats) -> Floats:
         g_b.
 
     """
-    unit = 1.0 / np.sqrt(np.maximum(np.diag(whole), LEAST_DIAGONAL))
-    values, vectors = np.linalg.eigh(whole * np.outer(unit, unit))
-    root = unit[:, None] * (vectors / np.sqrt(np.maximum(values, SINGULAR)))
+    root = _inverse_root(whole)
     leverage, axes = np.linalg.eigh(root.T @ parts @ root)
     along = (axes.swapaxes(-1, -2) @ (pulls @ root)[..., None])[..., 0]
     along /= np.sqrt(1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE))
@@ -249,7 +247,12 @@ def _inverse(matrix: Floats) -> Floats:
 
 def _positive_inverse(matrix: Floats) -> Floats:
     """Inverse of a symmetric matrix (p, p) whose least eigenvalues may be below zero."""
+    root = _inverse_root(matrix)
+    return np.asarray(root @ root.T)
+
+
+def _inverse_root(matrix: Floats) -> Floats:
+    """R (p, p) whose product R Rᵀ is that inverse."""
     unit = 1.0 / np.sqrt(np.maximum(np.diag(matrix), LEAST_DIAGONAL))
     values, vectors = np.linalg.eigh(matrix * np.outer(unit, unit))
-    inverse = (vectors / np.maximum(values, SINGULAR)) @ vectors.T
-    return np.asarray(inverse * np.outer(unit, unit))
+    return np.asarray(unit[:, None] * (vectors / np.sqrt(np.maximum(values, SINGULAR))))
