@@ -37,8 +37,16 @@ TICK = 0.002
 """Seconds between two looks at what is due."""
 SET_OUT_NS = 200_000_000
 """Time between the decision to set out and the first frame."""
-LISTENERS_NS = 3 * NS
-"""The same, where listeners were waited for: they precompute for the camera meanwhile."""
+LISTENERS_NS = 5 * NS
+"""
+The same, where listeners were waited for: they discover this node and precompute meanwhile.
+
+That a listener is known here does not say that it knows this node: what a busy machine loses of
+the announcements is said again only after 3 s (Fast DDS).
+
+"""
+ANNOUNCEMENT = 1.0
+"""Seconds between two calibrations ahead of the first frame."""
 CAMERA_FRAME = 'camera'
 
 
@@ -71,7 +79,9 @@ class SyntheticCameraNode(Node):
         self._truth = self.create_publisher(PoseStamped, 'ground_truth', QoSProfile(depth=100))
         self._set_out = False
         self._behind_ns = 0
-        self.create_timer(TICK, self._play, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(TICK, self._play, clock=steady)
+        self.create_timer(ANNOUNCEMENT, self._announce, clock=steady)
         self.get_logger().info(
             f'{settings.lens.width} x {settings.lens.height} pixels at {settings.rate:g} Hz over '
             f'{settings.world.name}' + ('; waiting for listeners' if settings.publish.wait else '')
@@ -95,13 +105,19 @@ class SyntheticCameraNode(Node):
         if waits and not all(publisher.get_subscription_count() for publisher in publishers):
             return False
         now = self._now_ns()
-        calibration = self._drive.synthetic_camera.calibration
-        self._info.publish(camera_info(now, CAMERA_FRAME, calibration))
         self._drive.start_ns = now + (LISTENERS_NS if waits else SET_OUT_NS)
         self._events = self._drive.events()
         self._next = next(self._events, None)
         self._set_out = True
+        self._announce()
         return True
+
+    def _announce(self) -> None:
+        """Tell the calibration ahead of the first frame."""
+        now = self._now_ns()
+        if self._set_out and now < self._drive.start_ns:
+            calibration = self._drive.synthetic_camera.calibration
+            self._info.publish(camera_info(now, CAMERA_FRAME, calibration))
 
     def _play(self) -> None:
         """Publish what has become due."""
