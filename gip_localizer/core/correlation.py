@@ -31,6 +31,7 @@ Sink = Callable[[range, Floats], None]
 """Takes yaws (indices) and their terms (n_terms, yaws, n_x, n_y), valid during the call only."""
 
 PATCH_CELLS = 600_000  # of the window under all translations, up to which they are copied
+PATCH_PIECE = 1024  # cells whose products BLAS sums at once: of more it makes copies of its own
 PRODUCT_CANDIDATES = 200  # translations up to which matrix products beat transforms
 PRODUCT_YAWS = 32  # at once, which bounds the memory
 PRODUCT_PARTS = 2  # of the map rows, summed apart; fixed, so that bytes do not depend on cores
@@ -60,12 +61,12 @@ def correlate(
 
     """
     n_x, n_y = (1 + fields.shape[k + 1] - canvas[k] for k in (0, 1))
-    if n_x * n_y * math.prod(canvas) <= PATCH_CELLS:
-        by_patches(fields, terms, yaws, canvas=canvas, turn=turn, sink=sink)
-    elif not takes_transforms(n_x, n_y):
+    few = n_x * n_y * math.prod(canvas) <= PATCH_CELLS
+    if few or not takes_transforms(n_x, n_y):
+        multiply = by_patches if few else by_products
         for start in range(0, yaws, PRODUCT_YAWS):
             batch = range(start, min(start + PRODUCT_YAWS, yaws))
-            by_products(fields, terms, batch, canvas=canvas, turn=turn, sink=sink)
+            multiply(fields, terms, batch, canvas=canvas, turn=turn, sink=sink)
     else:
         by_transforms(fields, terms, yaws, canvas=canvas, turn=turn, sink=sink)
 
@@ -156,7 +157,7 @@ def _desk(transform: Transform, templates: int, terms: int, size: tuple[int, int
 
 
 def by_patches(
-    fields: Floats, terms: Sequence[Term], yaws: int, *, canvas: tuple[int, int],
+    fields: Floats, terms: Sequence[Term], yaws: range, *, canvas: tuple[int, int],
     turn: Turn, sink: Sink,
 ) -> None:
     """Correlate as `correlate` does, with the part of the window under each translation copied."""
@@ -165,17 +166,18 @@ def by_patches(
     patches = _room('patches', (len(fields), n_x, n_y, *canvas))
     patches[...] = sliding_window_view(fields, canvas, axis=(1, 2))
     flat = patches.reshape(len(fields), n_x * n_y, cells)
-    turned = _room('turned', (_templates(terms), *canvas))
-    sums = np.empty((len(terms), yaws, n_x * n_y), np.float32)
-    for yaw in range(yaws):
-        for template, room in enumerate(turned):
+    turned = _room('turned', (_templates(terms), len(yaws), *canvas))
+    for template, rooms in enumerate(turned):
+        for yaw, room in zip(yaws, rooms, strict=True):
             turn(yaw, template, room)
-        rows = turned.reshape(len(turned), cells)
-        for out, term in zip(sums[:, yaw], terms, strict=True):
-            out[...] = 0.0
+    rows = turned.reshape(len(turned), len(yaws), cells)
+    sums = np.zeros((len(terms), len(yaws), n_x * n_y), np.float32)
+    for out, term in zip(sums, terms, strict=True):
+        for first in range(0, cells, PATCH_PIECE):
+            piece = slice(first, first + PATCH_PIECE)
             for template, field in term:
-                out += flat[field] @ rows[template]
-    sink(range(yaws), sums.reshape(len(terms), yaws, n_x, n_y))
+                out += rows[template, :, piece] @ flat[field, :, piece].T
+    sink(yaws, sums.reshape(len(terms), len(yaws), n_x, n_y))
 
 
 def by_products(
