@@ -12,6 +12,7 @@ import pytest
 from scipy.stats import chi2
 
 from gip_localizer.cli import main
+from gip_localizer.core.localizer import Localizer
 from gip_localizer.evaluation.conditions import CLEAR, CONDITIONS, TILES
 from gip_localizer.evaluation.grounds import ASPHALT, lane, LINE, noisy_map, PERIOD_M, repeated
 from gip_localizer.evaluation.suites.cramer_rao import pose_bound, PURE
@@ -198,6 +199,26 @@ def test_the_command_writes_what_it_found_and_fails_on_a_missed_bound(tmp_path, 
     assert all(condition.name in page for condition in CONDITIONS)
     assert main(words) == 1
     assert 'not empty' in capsys.readouterr().err
+
+
+def test_a_trial_that_raises_is_told_and_the_others_count(tmp_path, capsys, monkeypatch):
+    update, calls = Localizer.update, iter(range(100))
+
+    def sometimes(*args, **options):
+        return 1 / 0 if next(calls) == 1 else update(*args, **options)
+
+    monkeypatch.setattr(Localizer, 'update', sometimes)
+    out = tmp_path / 'evaluation'
+    assert main(['evaluate', '--suite', 'conditions', '--frames', '1', '--jobs', '1',
+                 '--out', str(out)]) == 1
+    said = capsys.readouterr().err
+    raised = CONDITIONS[1].name
+    assert f'missed: conditions: {raised}: trial 0 ended in a fault' in said
+    assert 'ZeroDivisionError' in said
+    assert json.loads((out / 'evaluation.json').read_text())['faults'] == 1
+    rows = list(csv.DictReader((out / 'evaluation.csv').open()))
+    assert [row['part'] for row in rows if row['status'] == 'FAULT'] == [raised]
+    assert sum(row['status'] == 'TRACKING' for row in rows) == len(CONDITIONS) - 1
 
 
 def test_sections_are_printed_with_what_was_missed():

@@ -8,15 +8,16 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from message_samples import odometry_message
 from ros_scene import *  # noqa: F403 - fixtures and the world
 from ros_scene import camera_info, parameters, SECOND, START
 
 from gip_localizer.core.estimate import Status
+from gip_localizer.core.faults import survived
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.threads import WorkEndedError
 from gip_localizer.parameters import Parameters
 from gip_localizer.ros.conversions import mono8
-from gip_localizer.ros.faults import survived
 from gip_localizer.ros.localization import Localization
 
 pytestmark = pytest.mark.ros
@@ -50,6 +51,19 @@ def test_a_frame_that_raises_is_told_and_the_next_one_gives_a_pose(
     assert [estimate.status for estimate in told] == [Status.FAULT, Status.TRACKING]
     assert 'ZeroDivisionError' in told[0].reason
     assert told[0].pose is None
+
+
+def test_an_odometry_message_that_raises_is_told_and_the_next_one_is_taken(
+    localization, monkeypatch
+):
+    frontend, inputs = localization._frontend, localization._inputs
+    take = frontend.on_odometry
+    monkeypatch.setattr(frontend, 'on_odometry', lambda _: 1 / 0)
+    inputs._take_odometry(odometry_message(SECOND, START))
+    assert 'ZeroDivisionError' in frontend.complaints['odom']
+    monkeypatch.setattr(frontend, 'on_odometry', take)
+    inputs._take_odometry(odometry_message(2 * SECOND, START))
+    assert 'odom' not in frontend.complaints
 
 
 def test_the_end_of_the_process_is_no_fault():

@@ -7,11 +7,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
+from functools import partial
+import sys
 
 import numpy as np
 
 from gip_localizer.core.arrays import Floats, Grey
-from gip_localizer.core.estimate import Estimate
+from gip_localizer.core.camera import CameraModel
+from gip_localizer.core.estimate import Estimate, Status
+from gip_localizer.core.faults import survived
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.raster_map import RasterMap
@@ -86,6 +90,11 @@ class Trial:
         return self.error is not None and is_wrong(self.error)
 
     @property
+    def faulty(self) -> bool:
+        """Whether the localizer raised an error that nobody foresaw."""
+        return self.status == str(Status.FAULT)
+
+    @property
     def nees(self) -> float:
         """Squared error of the published pose over its covariance; NaN without one."""
         if self.error is None or self.covariance is None:
@@ -157,7 +166,7 @@ class Bench:
             self._localizer = Localizer(self.raster_map, self.parameters)
         self._stamp_ns += FRAME_NS
         self._localizer.set_prior(self._stamp_ns, prior, covariance)
-        return self._localizer.update(self._stamp_ns, image, self.drive.camera)
+        return localized(self._localizer, self._stamp_ns, image, self.drive.camera)
 
     def trial(self, index: int, spread: Spread) -> Trial:
         """Render, start near the truth, localize and compare."""
@@ -165,6 +174,14 @@ class Bench:
         frame = self.frame(rng)
         start = frame.truth @ spread.offset(rng)
         return compared(self.localize(frame.image, start, spread.covariance), frame.truth)
+
+
+def localized(
+    localizer: Localizer, stamp_ns: int, image: Grey, camera: CameraModel
+) -> Estimate:
+    """Localize a frame; an error that nobody foresaw is told, and costs this frame alone."""
+    work = partial(localizer.update, stamp_ns, image, camera)
+    return survived(work, stamp_ns, partial(print, file=sys.stderr))
 
 
 def compared(estimate: Estimate, truth: Pose2) -> Trial:

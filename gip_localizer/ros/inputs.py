@@ -18,6 +18,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from gip_localizer.core.estimate import Estimate
+from gip_localizer.core.faults import fault_of
 from gip_localizer.errors import ImageError
 from gip_localizer.io.frontend import Frontend
 from gip_localizer.io.mask_pairing import Masked, MaskPairing
@@ -63,6 +64,7 @@ class Inputs:
     ) -> None:
         self._frontend = frontend
         self._when_free = when_free
+        self._log = node.get_logger().error
         self._on_frame, self._on_other = on_frame, on_other
         # Before the image: of messages that wait, the executor takes them in this order.
         listen(node, CameraInfo, 'camera_info', self._take_camera_info, qos_profile_sensor_data)
@@ -157,7 +159,8 @@ class Inputs:
 
     def _take(self, use: Callable[[Any], None], topic: str, message: Any) -> None:
         def take() -> None:
-            use(message)
+            if told := fault_of(partial(use, message), self._log):
+                self._frontend.complaints[topic] = told
             self._on_other(topic, message)
 
         self._when_free(take)

@@ -22,6 +22,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from gip_localizer.core.camera import Extrinsics
 from gip_localizer.core.estimate import Estimate, Status
+from gip_localizer.core.faults import survived
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import ParameterError
 from gip_localizer.io.frontend import Frontend
@@ -32,7 +33,6 @@ from gip_localizer.io.state_file import map_hash
 from gip_localizer.io.state_keeper import StateKeeper
 from gip_localizer.parameters import Parameters
 from gip_localizer.ros.diagnostics import Diagnostics
-from gip_localizer.ros.faults import survived
 from gip_localizer.ros.inputs import Inputs, Localize
 from gip_localizer.ros.outputs import Outputs
 from gip_localizer.ros.parameters import warn_of_unknown_qos

@@ -48,10 +48,13 @@ class Evaluation:
 
     @property
     def missed(self) -> list[str]:
-        """Return the bounds that were missed, in words."""
+        """Return the bounds that were missed, and the frames that raised, in words."""
         return [
             f'{section.name}: {bound}'
             for section in self.sections for bound in section.bounds if not bound.met
+        ] + [
+            f'{r.suite}: {r.part}: trial {r.index} ended in a fault of the localizer'
+            for r in self.records if r.trial.faulty
         ]
 
 

@@ -96,4 +96,5 @@ def totals(records: Sequence[Record]) -> dict[str, int]:
         'frames_from_right_starts': len({(r.suite, r.part, r.index) for r in near}),
         'wrong_poses_from_right_starts': sum(r.trial.wrong for r in near),
         'wrong_poses': sum(r.trial.wrong for r in records),
+        'faults': sum(r.trial.faulty for r in records),
     }

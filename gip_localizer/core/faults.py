@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What an error costs that nobody foresaw: the frame, and not the node."""
+"""What an error costs that nobody foresaw: the frame, and not those that follow."""
 
 from __future__ import annotations
 
@@ -37,14 +37,24 @@ def survived(
         The process ends.
 
     """
+    found: list[Estimate] = []
+    told = fault_of(lambda: found.append(work()), log)
+    if told:
+        return Estimate(stamp_ns, Status.FAULT, f'{told}; the next frame is localized')
+    return found[0]
+
+
+def fault_of(work: Callable[[], object], log: Callable[[str], object]) -> str:
+    """Do some work; say what it raised, empty: nothing (`log`, WorkEndedError: as above)."""
     try:
-        return work()
+        work()
     except WorkEndedError:
         raise
     except Exception as error:  # a fault of this package, whatever it is
         check_end()  # whose pools break first
         log(traceback.format_exc())
-        return Estimate(stamp_ns, Status.FAULT, (
+        return (
             f'{type(error).__name__}: {error}; a fault of gip_localizer, please report it with '
-            'the traceback in the log; the next frame is localized'
-        ))
+            'the traceback in the log'
+        )
+    return ''
