@@ -4,14 +4,16 @@
 A view and its map window at one cell size, and the same with cells joined.
 
 Joining adds weights up and averages values, of view and map alike; the lattice's step grows with
-the cells, and its step in heading to what moves the view's corner by about as much.
+the cells, and its step in heading to what moves the view's corner by about as much. Values are
+smoothed before, over as much as a joined cell: else a place half a joined cell beside the lattice,
+where the texture of cells looks unlike, is not seen on it.
 
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 import math
 
 import cv2
@@ -82,9 +84,10 @@ class Level:
             mean = cv2.resize(padded, size, interpolation=cv2.INTER_AREA)
             return np.asarray(mean * np.float32(factor * factor))
 
-        weight = joined(self.weight)
-        values = joined(self.weight * self.values)
-        return weight, values / np.maximum(weight, np.float32(1e-20))
+        kernel = _smoothing(factor)
+        total = joined(_smoothed(self.weight, kernel))
+        values = joined(_smoothed(self.weight * self.values, kernel))
+        return joined(self.weight), values / np.maximum(total, np.float32(1e-20))
 
     def _joined_window(self, wide: Grid, factor: int) -> tuple[Floats, Floats]:
         fine = widened(self.canvas, self.lattice)
@@ -104,11 +107,14 @@ class Level:
             )
             return np.asarray(cv2.resize(padded, size, interpolation=cv2.INTER_AREA))
 
+        kernel = _smoothing(factor)
         if everywhere:
-            return joined(self.window), np.ones(wide.shape, np.float32)
-        share = joined(self.known)
-        known = (share > 0.5).astype(np.float32)
-        return joined(self.window) / np.maximum(share, np.float32(0.5)) * known, known
+            smooth = _smoothed(self.window, kernel, cv2.BORDER_REPLICATE)
+            return joined(smooth), np.ones(wide.shape, np.float32)
+        known = (joined(self.known) > 0.5).astype(np.float32)
+        share = joined(_smoothed(self.known, kernel))
+        values = joined(_smoothed(self.window, kernel))
+        return values / np.maximum(share, np.float32(1e-6)) * known, known
 
 
 @dataclass(frozen=True)
@@ -121,6 +127,17 @@ class _Plan:
     step: float
     half: tuple[int, int]
     yaws: slice
+
+
+@cache
+def _smoothing(factor: int) -> Floats:
+    """Weights of a box of `factor` cells about the middle of a cell."""
+    box = np.ones(factor, np.float32)
+    return np.convolve(box, [0.5, 0.5]) / factor if factor % 2 == 0 else box / factor
+
+
+def _smoothed(values: Floats, kernel: Floats, border: int = cv2.BORDER_CONSTANT) -> Floats:
+    return np.asarray(cv2.sepFilter2D(values, cv2.CV_32F, kernel, kernel, borderType=border))
 
 
 @lru_cache(maxsize=32)

@@ -34,14 +34,14 @@ def search_suite(suite: str, frames: int, judged: int, rounds: int) -> tuple[lis
     frames, judged : int
         Frames in all, and those that the slow judge sees too.
     rounds : int
-        Turns that the two states of IPP take.
+        Turns that the two states of IPP take, each on frames of its own.
 
     """
     found: dict[str, list[Details]] = {state: [] for state in IPP}
     part = [str(max(math.ceil(n / rounds), 1)) for n in (frames, judged)]
-    for _ in range(rounds):
+    for seed in range(rounds):
         for state, environment in IPP.items():
-            found[state].append(child(MODULE, [suite, *part], environment))
+            found[state].append(child(MODULE, [suite, *part, str(seed)], environment))
     times = {state: _joined(parts) for state, parts in found.items()}
     peer = min(times, key=lambda state: median(times[state]['peer']))
     ours = times['IPP on']
@@ -85,7 +85,7 @@ def _share(parts: list[Details], name: str, of: str) -> float | None:
 
 def noise_suite(frames: int) -> tuple[list[Row], list[Details]]:
     """Return how often each search misses the truth at low SNR, with 95 % intervals."""
-    counts: list[Details] = child(MODULE, ['noise', str(frames), '0'], {})['noise']
+    counts: list[Details] = child(MODULE, ['noise', str(frames), '0', '0'], {})['noise']
     for count in counts:
         count['missed_95_percent'] = {
             search: wilson(missed, count['frames']) for search, missed in count['missed'].items()
@@ -113,5 +113,5 @@ def wilson(hits: int, trials: int, z: float = 1.96) -> tuple[float, float]:
 
 def growth_details() -> list[Mapping[str, Any]]:
     """Return times against window, yaws and cells."""
-    points: list[Mapping[str, Any]] = child(MODULE, ['growth', '0', '0'], {})['growth']
+    points: list[Mapping[str, Any]] = child(MODULE, ['growth', '0', '0', '0'], {})['growth']
     return points
