@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 import time
 
 import numpy as np
@@ -165,10 +166,10 @@ class Localizer:
 
         with self._stage('match'):  # 3 score per candidate, best modes refined
             match = Match(view, weight)
-            found = self._search(stamp_ns, match, None if search_map else prior)
+            found, verdict = self._search(stamp_ns, match, prior, everywhere=search_map)
 
         with self._stage('posterior'):  # 4 belief, or silence
-            return self._conclude(stamp_ns, match, found, prior)
+            return self._conclude(stamp_ns, match, found, verdict, prior)
 
     def _out_of_order(self, stamp_ns: int) -> Estimate | None:
         last = self._last_stamp_ns
@@ -211,19 +212,32 @@ class Localizer:
             return view.valid * weight[view.valid].mean()
         return weight
 
-    def _search(self, stamp_ns: int, match: Match, prior: Belief | None) -> Found | None:
+    def _search(
+        self, stamp_ns: int, match: Match, prior: Belief | None, *, everywhere: bool
+    ) -> tuple[Found | None, Verdict]:
+        """Search about the prior, or everywhere, and judge; no earlier fix vouches for a first."""
+        vouching = prior if self.standing.confirmed else None
+        judged = partial(judge, match, parameters=self.parameters, prior=vouching)
         if match.contrast < self.parameters.integrity.min_contrast:
-            return None
+            return None, judged(None)
+        if vouching is not None and not everywhere:
+            near = self._search_about(match, vouching, followed(vouching, self.parameters))
+            verdict = judged(near)
+            if verdict.status is Status.TRACKING:
+                return near, verdict
+        found = self._search_widely(stamp_ns, match, None if everywhere else prior)
+        return found, judged(found)
+
+    def _search_widely(
+        self, stamp_ns: int, match: Match, prior: Belief | None
+    ) -> Found | None:
+        """Search the whole window about the prior; without one the whole map."""
         if prior is None:
             self.standing.searched(stamp_ns)
             return global_search(
                 match.view, match.weight, self._crops, stamp_ns, self.parameters,
                 refiner=self._optics_now.refiner, map_noise=self._map_noise,
             )
-        if self.standing.confirmed:
-            near = self._search_about(match, prior, followed(prior, self.parameters))
-            if judge(match, near, self.parameters, prior=prior).status is Status.TRACKING:
-                return near
         extent = (first_fix if self.standing.fresh else whole)(prior, self.parameters)
 
         def search(pose: Pose2) -> Found | None:
@@ -259,10 +273,9 @@ class Localizer:
         ))
 
     def _conclude(
-        self, stamp_ns: int, match: Match, found: Found | None, prior: Belief | None
+        self, stamp_ns: int, match: Match, found: Found | None, verdict: Verdict,
+        prior: Belief | None,
     ) -> Estimate:
-        vouching = prior if self.standing.confirmed else None
-        verdict = judge(match, found, self.parameters, prior=vouching)
         fit = verdict.fit
         match = replace(match, scores=found.scores if found else None, fit=fit)
         if verdict.status is not Status.TRACKING or fit is None:

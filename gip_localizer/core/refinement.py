@@ -79,7 +79,8 @@ class Refiner:
         self._stages = make_stages(rectifier)
 
     def layers(
-        self, view: View, weight: Floats, crop: Crop, map_noise: float = 0.0
+        self, view: View, weight: Floats, crop: Crop, map_noise: float = 0.0,
+        stages: slice = slice(None),
     ) -> list[Layer]:
         """
         Lay a frame out for the stages, once for all starts.
@@ -94,10 +95,12 @@ class Refiner:
             Of the map; covers the view about all starts.
         map_noise : float
             Standard deviation of the map in the view's grey levels, as in the Gramian.
+        stages : slice
+            Which; all of them, coarse to fine, where it is not given.
 
         """
         layers = []
-        for stage in self._stages:
+        for stage in self._stages[stages]:
             joined, weights = coarsened(view, weight, stage.factor)
             weighed = weights.ravel()[stage.index]
             calm = stage.factor == 1 and map_noise > 0.0

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -129,11 +129,17 @@ def search_window(
     fine = crops.about(view.grid, prior.pose, extent, view.grid.resolution)
     if fine is None:
         return None
-    layers = refiner.layers(view, weight, fine, map_noise)
+    lay = partial(refiner.layers, view, weight, fine, map_noise)
+    finer = lay(stages=slice(1, None))
+    layers = cache(lambda: lay(stages=slice(1)) + finer)
+
+    def refined(start: Pose2, *, pitch: float = 0.0, uneven: bool = False) -> Fit:
+        return refiner.refine(layers(), start, pitch=pitch, uneven=uneven)
+
     scored = partial(_scored, view, weight, crops, prior, extent, refiner.camera, normalized)
-    quickly = partial(refiner.refine, layers[1:]) if extent.near and len(layers) > 2 else None
-    unevenly = partial(refiner.refine, layers, uneven=True) if normalized else None
-    window = _Window(scored, partial(refiner.refine, layers), quickly, unevenly)
+    quickly = partial(refiner.refine, finer) if extent.near and len(finer) > 1 else None
+    unevenly = partial(refined, uneven=True) if normalized else None
+    window = _Window(scored, refined, quickly, unevenly)
     level, *swayed = refiner.pitches
     window.score(level)
     if not window.is_level():
