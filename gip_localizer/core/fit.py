@@ -54,6 +54,8 @@ class Fit:
         Standard deviations over those that the noise model alone explains.
     chi_sq : float
         Mean of squared residuals over their expected variance (1 when the noise model holds).
+    cell : float
+        Side (m) of the compared cells, of the view or of the map, whichever are larger.
 
     """
 
@@ -71,6 +73,7 @@ class Fit:
     converged: bool
     chi_sq: float
     overdispersion: float
+    cell: float
 
     @property
     def fisher(self) -> Floats:

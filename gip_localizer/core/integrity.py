@@ -35,6 +35,7 @@ CONFIDENCE_SIGNIFICANCE = 3.4  # per natural logarithm
 LEAST_LEAD = 0.01
 SIGNIFICANT = 20.0  # standard deviations of chance correlation, beyond which they tell no more
 MOST_OVERDISPERSION = 4.5  # from which the parts of the view contradict each other
+VAGUE = (2.2, 0.5)  # overdispersion, cells of standard deviation: no right match exceeds both
 RIVAL_DISTANCE = 0.2  # m from the winner at which a match is at another place
 MOST_SWAY = 10.0  # of camera_motion's standard deviations, from which a match is made to fit
 MOST_RIVAL = 0.73  # likeness of a match at another place from which neither is believed
@@ -223,6 +224,13 @@ def _oddity(found: Found, motion: CameraMotion) -> str | None:
         return (
             f'the parts of the view contradict each other: overdispersion '
             f'{fit.overdispersion:.1f}, limit {MOST_OVERDISPERSION:g}'
+        )
+    sigma = math.sqrt(float(np.trace(fit.covariance[:2, :2])))
+    if fit.overdispersion > VAGUE[0] and sigma > VAGUE[1] * fit.cell:
+        return (
+            f'the parts of the view contradict each other (overdispersion '
+            f'{fit.overdispersion:.1f}) and place it to {sigma:.3f} m only, more than '
+            f'{VAGUE[1]:g} cells of {fit.cell:g} m'
         )
     if found.lies_beyond:
         return (

@@ -154,8 +154,7 @@ class Refiner:
         converged = (
             drift < MAX_DRIFT and _is_covariance(covariance) and settled(state.step, covariance)
         )
-        weight = float(layers[-1].weights.sum(dtype=np.float64))
-        return _fit(problem, state, spread, covariance, weight, converged=converged)
+        return _fit(problem, state, spread, covariance, layers[-1], converged=converged)
 
 
 def _unknowns(camera_motion: CameraMotion, *, normalized: bool, robust: bool) -> Unknowns:
@@ -191,9 +190,10 @@ def _beyond(coarser: Pose2, pose: Pose2, layer: Layer) -> Floats:
 
 
 def _fit(
-    problem: Problem, state: State, spread: Floats, covariance: Floats, weight: float, *,
+    problem: Problem, state: State, spread: Floats, covariance: Floats, layer: Layer, *,
     converged: bool,
 ) -> Fit:
+    weight = float(layer.weights.sum(dtype=np.float64))
     known = float(problem.all_weights.sum())
     return Fit(
         pose=state.pose,
@@ -210,4 +210,5 @@ def _fit(
         converged=converged,
         chi_sq=problem.scale_sq,
         overdispersion=problem.overdispersion(spread),
+        cell=max(layer.stage.resolution, layer.raster_map.resolution),
     )
