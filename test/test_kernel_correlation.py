@@ -83,16 +83,14 @@ def test_planes_come_back_and_are_large_enough(transform, size):
     t = transform(*size)
     assert t.shape[0] >= size[0]
     assert t.shape[1] >= size[1]
-    # a template of a single cell picks the field out again
-    plane, dot = np.zeros(t.shape, np.float32), np.zeros(t.shape, np.float32)
-    plane[: size[0], : size[1]] = np.random.default_rng(1).random(size)
-    dot[0, 0] = 1.0
-    spectrum, product = t.empty(), t.empty()
-    t.forward(dot, size[0], spectrum)
-    t.correlated(t.field(plane, size[0]), spectrum, product)
-    back = np.empty(size, np.float32)
-    t.inverse(product, back, spectrum)
-    np.testing.assert_allclose(back, plane[: size[0], : size[1]], atol=1e-6)
+    # a template of a single cell picks the field out again, as either part of a plane
+    field = np.random.default_rng(1).random(size, np.float32)
+    dot = np.zeros(t.shape, np.complex64)
+    dot[0, 0] = 1.0 - 2.0j
+    spectrum, room = np.empty_like(dot), np.empty_like(dot)
+    t.forward(dot, 1, spectrum)
+    back = t.backward(spectra.field_spectrum(t, field) * spectrum, size[0], room)
+    np.testing.assert_allclose(back[: size[0], : size[1]], (1.0 - 2.0j) * field, atol=1e-6)
 
 
 @pytest.mark.parametrize('least', [1, 97, 378, 392, 410, 425, 2005])

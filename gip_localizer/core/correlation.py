@@ -12,15 +12,15 @@ of a term are added up as spectra, so that each term costs one inverse.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 import math
 import threading
 
+import cv2
 import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.spectra import make_transform, Spectrum, Transform
+from gip_localizer.core.spectra import field_spectrum, make_transform, Plane, Transform
 from gip_localizer.core.threads import in_parallel, shares
 
 Term = tuple[tuple[int, int], ...]
@@ -80,26 +80,26 @@ def by_transforms(
     fields: Floats, terms: Sequence[Term], yaws: int, *, canvas: tuple[int, int],
     turn: Turn, sink: Sink,
 ) -> None:
-    """Correlate as `correlate` does, with transforms, yaw by yaw."""
+    """Correlate as `correlate` does, with transforms, two yaws at a time."""
     rows, cols = fields.shape[1:]
     transform = make_transform(rows, cols)
-    spectra: list[Spectrum] = [None] * len(fields)
+    spectra: list[Plane | None] = [None] * len(fields)
 
     def work_field(f: int) -> None:
-        plane = np.zeros(transform.shape, np.float32)
-        plane[:rows, :cols] = fields[f]
-        spectra[f] = transform.field(plane, rows)
+        spectra[f] = field_spectrum(transform, fields[f])
 
     worth_it = yaws * rows * cols >= WORTH_A_THREAD
     in_parallel(work_field, range(len(fields)), worth_it=worth_it)
+    known = [spectrum for spectrum in spectra if spectrum is not None]
     size = (1 + rows - canvas[0], 1 + cols - canvas[1])
 
     def work(share: range) -> None:
         desk = _desk(transform, _templates(terms), len(terms), size, canvas)
-        for yaw in share:
-            sink(range(yaw, yaw + 1), desk.terms(spectra, terms, partial(turn, yaw)))
+        for pair in share:
+            both = range(2 * pair, min(2 * pair + 2, yaws))
+            sink(both, desk.terms(known, terms, both, turn))
 
-    in_parallel(work, shares(yaws), worth_it=worth_it)
+    in_parallel(work, shares(-(-yaws // 2)), worth_it=worth_it)
 
 
 def _templates(terms: Sequence[Term]) -> int:
@@ -115,28 +115,38 @@ class _Desk:
     ) -> None:
         self._transform = transform
         self._size = size
-        self.plane = np.zeros(transform.shape, np.float32)
-        self._canvas = self.plane[: canvas[0], : canvas[1]]
-        self._spectra = [transform.empty() for _ in range(templates)]
-        self._product, self._sum = transform.empty(), transform.empty()
-        self._out = np.empty((terms, 1, *size), np.float32)
+        self.plane: Plane = np.zeros(transform.shape, np.complex64)
+        self._turned = np.zeros((2, *canvas), np.float32)
+        self._pair = np.empty((*canvas, 2), np.float32)
+        self._spectra = [np.empty_like(self.plane) for _ in range(templates)]
+        self._sum, self._room = np.empty_like(self.plane), np.empty_like(self.plane)
+        self._out = np.empty((terms, 2, *size), np.float32)
 
     def terms(
-        self, fields: list[Spectrum], terms: Sequence[Term], turn: Callable[[int, Floats], None]
+        self, fields: list[Plane], terms: Sequence[Term], yaws: range, turn: Turn
     ) -> Floats:
-        """Return the terms (n_terms, 1, n_x, n_y) of one yaw."""
-        t = self._transform
-        for k, spectrum in enumerate(self._spectra):
-            turn(k, self._canvas)
-            t.forward(self.plane, len(self._canvas), spectrum)
-        for k, term in enumerate(terms):
+        """Return the terms (n_terms, yaws, n_x, n_y) of one yaw or two."""
+        n_x, n_y = self._size
+        for template, spectrum in enumerate(self._spectra):
+            self._transform_pair(template, yaws, turn, spectrum)
+        for out, term in zip(self._out, terms, strict=True):
             for n, (template, field) in enumerate(term):
-                out = self._product if n else self._sum
-                t.correlated(fields[field], self._spectra[template], out)
+                product = self._room if n else self._sum
+                np.multiply(fields[field], self._spectra[template], out=product)
                 if n:
-                    t.add(self._sum, out)
-            t.inverse(self._sum, self._out[k, 0], self._product)
-        return self._out
+                    self._sum += product
+            found = self._transform.backward(self._sum, n_x, self._room)[:n_x, :n_y]
+            out[0], out[1] = found.real, found.imag
+        return self._out[:, : len(yaws)]
+
+    def _transform_pair(self, template: int, yaws: range, turn: Turn, out: Plane) -> None:
+        """Transform a template of two yaws, the second as the imaginary part (one: anything)."""
+        for yaw, room in zip(yaws, self._turned, strict=False):
+            turn(yaw, template, room)
+        rows, cols = self._pair.shape[:2]
+        cv2.merge(list(self._turned), self._pair)
+        self.plane[:rows, :cols] = self._pair.view(np.complex64)[..., 0]
+        self._transform.forward(self.plane, rows, out)
 
 
 _kept = threading.local()
