@@ -101,6 +101,11 @@ class Score:
     )
     robust: bool = p(True, 'Down-weight cells that disagree with the map (cars, shadows).')
 
+    @property
+    def normalized(self) -> bool:
+        """Whether the metric profiles gain and offset out."""
+        return self.metric.endswith('normalized')
+
 
 @dataclass(frozen=True)
 class Motion:

@@ -85,6 +85,14 @@ class Fit:
         """
         return self.problem.fisher()
 
+    @property
+    def covariance_in_map(self) -> Floats:
+        """Covariance (3, 3) of x, y and yaw in the map's axes."""
+        turn = np.eye(3)
+        turn[:2, :2] = self.pose.rotation()
+        turned: Floats = turn @ self.covariance @ turn.T
+        return 0.5 * (turned + turned.T)
+
     def along_weakest(self, distance: float) -> Pose2:
         """
         Return the motion (in the axes of the pose) along which the view tells least.

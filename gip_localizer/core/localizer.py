@@ -21,7 +21,7 @@ from gip_localizer.core.arrays import Floats, Grey
 from gip_localizer.core.birdseye import View
 from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.estimate import Estimate, Match, Status
-from gip_localizer.core.fit import Fit
+from gip_localizer.core.frame_search import FrameSearch
 from gip_localizer.core.gramian import estimate_pixel_noise, gramian
 from gip_localizer.core.integrity import judge, Verdict
 from gip_localizer.core.map_crops import MapCrops
@@ -29,11 +29,9 @@ from gip_localizer.core.odometry import OdometrySample, REWIND_NS
 from gip_localizer.core.optics import Optics
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
-from gip_localizer.core.recovery import global_search
-from gip_localizer.core.search import around_winner, Found, search_window
+from gip_localizer.core.search import Found
 from gip_localizer.core.standing import Standing
 from gip_localizer.core.tracker import Belief, checked_prior, Tracker
-from gip_localizer.core.windows import Extent, first_fix, followed, whole
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Parameters
 
@@ -220,47 +218,26 @@ class Localizer:
         judged = partial(judge, match, parameters=self.parameters, prior=vouching)
         if match.contrast < self.parameters.integrity.min_contrast:
             return None, judged(None)
-        if vouching is not None and not everywhere:
-            near = self._search_about(match, vouching, followed(vouching, self.parameters))
+        search = FrameSearch(
+            match, self._crops, self._optics_now.refiner, self.parameters, self._map_noise
+        )
+        if everywhere or prior is None:
+            self.standing.searched(stamp_ns)
+            found = search.everywhere(stamp_ns)
+            return found, judged(found)
+        if vouching is not None:
+            near = search.near(vouching)
             verdict = judged(near)
             if verdict.status is Status.TRACKING:
                 return near, verdict
-        found = self._search_widely(stamp_ns, match, None if everywhere else prior)
+        found = search.about(prior, fresh=self.standing.fresh)
         return found, judged(found)
-
-    def _search_widely(
-        self, stamp_ns: int, match: Match, prior: Belief | None
-    ) -> Found | None:
-        """Search the whole window about the prior; without one the whole map."""
-        if prior is None:
-            self.standing.searched(stamp_ns)
-            return global_search(
-                match.view, match.weight, self._crops, stamp_ns, self.parameters,
-                refiner=self._optics_now.refiner, map_noise=self._map_noise,
-            )
-        extent = (first_fix if self.standing.fresh else whole)(prior, self.parameters)
-
-        def search(pose: Pose2) -> Found | None:
-            return self._search_about(match, replace(prior, pose=pose), extent)
-
-        return around_winner(search(prior.pose), search)
-
-    def _search_about(self, match: Match, prior: Belief, extent: Extent) -> Found | None:
-        return search_window(
-            match.view, match.weight, self._crops, prior, extent,
-            refiner=self._optics_now.refiner, normalized=self._normalized,
-            map_noise=self._map_noise,
-        )
 
     @property
     def _map_noise(self) -> float:
         """Standard deviation of the map in the view's grey levels."""
-        gain = self._optics_now.gain if self._normalized else 1.0
-        return self.parameters.score.map_noise * gain
-
-    @property
-    def _normalized(self) -> bool:
-        return self.parameters.score.metric.endswith('normalized')
+        score = self.parameters.score
+        return score.map_noise * (self._optics_now.gain if score.normalized else 1.0)
 
     def _waiting(self, stamp_ns: int) -> Estimate:
         if self.standing.wanted:
@@ -281,7 +258,7 @@ class Localizer:
         if verdict.status is not Status.TRACKING or fit is None:
             return self._missed(stamp_ns, verdict, match, prior)
         self._optics_now.gain = fit.gain
-        belief = Belief(stamp_ns, fit.pose, _in_map(fit))
+        belief = Belief(stamp_ns, fit.pose, fit.covariance_in_map)
         new_place = self.standing.new_place(stamp_ns)
         self.standing.fixed(new_place=new_place)
         if new_place:
@@ -328,11 +305,3 @@ class Localizer:
             yield
         finally:
             self._timings[name] = 1e3 * (time.perf_counter() - start)
-
-
-def _in_map(fit: Fit) -> Floats:
-    """Covariance of a fit, turned from the pose's axes to the map's."""
-    turn = np.eye(3)
-    turn[:2, :2] = fit.pose.rotation()
-    rotated: Floats = turn @ fit.covariance @ turn.T
-    return 0.5 * (rotated + rotated.T)

@@ -33,7 +33,7 @@ class Optics:
         self.rectifier = Rectifier(camera, parameters.birdseye)
         self.refiner = Refiner(
             self.rectifier, parameters.camera_motion,
-            normalized=parameters.score.metric.endswith('normalized'),
+            normalized=parameters.score.normalized,
             robust=parameters.score.robust,
         )
         self.gain = 1.0

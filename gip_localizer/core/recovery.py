@@ -56,7 +56,7 @@ def global_search(
     places = coarse_places(view, weight, crops.raster_map, parameters)
     if not places:
         return None
-    normalized = parameters.score.metric.endswith('normalized')
+    normalized = parameters.score.normalized
     side = 1.5 * places[0].step
     extent = Extent(side, side, 1.2 * parameters.recovery.yaw_step, parameters.search.yaw_step,
                     parameters.score.min_overlap)
@@ -126,7 +126,7 @@ def coarse_places(
         lattice = Lattice(centre, step, half, headings[start : start + HEADINGS_AT_ONCE])
         scores = match(
             joined, joined_weight, crop, lattice, min_overlap=parameters.score.min_overlap,
-            normalized=parameters.score.metric.endswith('normalized'), centred=True,
+            normalized=parameters.score.normalized, centred=True,
         )
         residual = with_unseen(scores)
         places += [
