@@ -32,7 +32,7 @@ WIDEST = np.array([30.0, 30.0, 3.0])  # m, m, rad: what is known of any pose nea
 MOST_OVERDISPERSION = 1e3  # also told where nothing can be
 SINGULAR = 1e-9  # least eigenvalue of an information matrix scaled to a unit diagonal
 LEAST_DIAGONAL = 1e-15  # that scales a matrix so: at a hopeless place it may be negative
-SMALL_SAMPLE = 1.0  # blocks that the smallness of a sample takes off their effective number
+SMALL_SAMPLE = 0.5  # blocks that the smallness of a sample takes off their effective number
 MOST_LEVERAGE = 0.98  # of a block that is made up for
 LEAST_SPREAD = 0.05  # of the noise model's standard deviations: residuals may be small by chance
 

@@ -37,7 +37,7 @@ from gip_localizer.core.threads import check_end
 from gip_localizer.core.tracker import Belief
 from gip_localizer.core.windows import Extent
 
-PEAKS = 3  # of each score surface that are looked at
+PEAKS = 8  # of each score surface that are looked at
 PLAIN_WINNER = 1.0  # merit of a fit beside which no other mode needs a look, ...
 PLAIN_DISPERSION = 2.2  # ... unless the parts of the view contradict each other more than this
 ASIDE = (-0.2, 0.2)  # m along the weakest direction: starts beside a fit that ...

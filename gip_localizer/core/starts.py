@@ -13,7 +13,8 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.core.posterior import subcell_peak, Surface
 
 MOST_RIVALS = 2
-RIVAL_SHARE = 0.6  # of the best correlation on the lattice, from which a place is a rival
+RIVAL_SHARE = 0.6  # of the best correlation on the lattice, from which a place is a rival, ...
+TWIN_SHARE, MOST_TWINS = 0.9, 6  # ... and a twin, of which more are looked at
 RIVAL_DISTANCE = 0.3  # m from the winner
 
 
@@ -45,17 +46,18 @@ class Start:
 
 def rivals(starts: list[Start], winner: Pose2) -> list[Start]:
     """
-    Places that look nearly as good on the lattice as the winner: at most two.
+    Places that look nearly as good on the lattice as the winner: two, or more if they are twins.
 
     The posterior cannot tell: it knows nothing of what the lattice's coarse cells cost a place
     that lies between them.
 
     """
-    least = RIVAL_SHARE * max(start.correlation for start in starts)
+    best = max(start.correlation for start in starts)
     rivals: list[Start] = []
     for start in starts:
         others = [winner, *(rival.pose for rival in rivals)]
         apart = [math.hypot(start.pose.x - p.x, start.pose.y - p.y) for p in others]
-        if start.correlation > least and min(apart) > RIVAL_DISTANCE:
+        if start.correlation > RIVAL_SHARE * best and min(apart) > RIVAL_DISTANCE:
             rivals.append(start)
-    return rivals[:MOST_RIVALS]
+    twins = [rival for rival in rivals if rival.correlation > TWIN_SHARE * best]
+    return list(dict.fromkeys(rivals[:MOST_RIVALS] + twins[:MOST_TWINS]))
