@@ -111,7 +111,8 @@ def test_a_prior_from_outside_starts_it_and_the_stamp_is_the_image_s(road, frame
 
 
 @pytest.mark.parametrize(('overdispersion', 'cells', 'told'), [
-    (1.0, 0.6, 'TRACKING'), (2.0, 0.25, 'TRACKING'), (2.0, 0.6, 'NO_MATCH'), (5.0, 0.1, 'NO_MATCH'),
+    (1.0, 0.6, 'TRACKING'), (2.0, 0.25, 'TRACKING'),
+    (2.0, 0.6, 'NO_MATCH'), (5.0, 0.1, 'NO_MATCH'),
 ])
 def test_a_first_match_that_contradicts_itself_must_at_least_be_precise(
     road, frame, monkeypatch, overdispersion, cells, told

@@ -11,6 +11,7 @@ and not on the way there, and a vehicle cuts a new one every few frames only.
 from __future__ import annotations
 
 from collections import OrderedDict
+from functools import lru_cache
 
 import numpy as np
 
@@ -119,6 +120,7 @@ class MapCrops:
         return self._kept[key]
 
 
+@lru_cache(maxsize=4)
 def _touched(grid: Grid, pose: Pose2, extent: Extent) -> Floats:
     """Corners (n, 2) of the view at the headings of the window, metres in the map."""
     turns = pose.yaw + np.linspace(-extent.yaw, extent.yaw, 2 + int(extent.yaw / 0.1))
