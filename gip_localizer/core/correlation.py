@@ -140,9 +140,10 @@ class _Desk:
         return self._out[:, : len(yaws)]
 
     def _transform_pair(self, template: int, yaws: range, turn: Turn, out: Plane) -> None:
-        """Transform a template of two yaws, the second as the imaginary part (one: anything)."""
+        """Transform a template of two yaws, the second as the imaginary part (one: zeros)."""
         for yaw, room in zip(yaws, self._turned, strict=False):
             turn(yaw, template, room)
+        self._turned[len(yaws) :] = 0.0
         rows, cols = self._pair.shape[:2]
         cv2.merge(list(self._turned), self._pair)
         self.plane[:rows, :cols] = self._pair.view(np.complex64)[..., 0]

@@ -4,9 +4,9 @@
 Two-dimensional transforms of complex planes, by the faster of two libraries.
 
 A plane holds two real ones, as its real and its imaginary part: their correlations with a real
-field come out the same way, in less time than two real transforms take. OpenCV
-with Intel's IPP takes a third of the time of SciPy's; without IPP, twice the time. The choice
-depends on OpenCV's build alone, so that equal inputs give equal bytes.
+field come out the same way, in less time than two real transforms take. OpenCV with Intel's IPP
+takes a third of the time of SciPy's; without IPP, twice the time. The choice depends on OpenCV's
+build alone, so that equal inputs give equal bytes.
 
 """
 
@@ -23,7 +23,7 @@ from scipy import fft
 
 from gip_localizer.core.arrays import Floats
 
-SIZES_TRIED = 8
+SIZES_TRIED, MULTIPLE = 8, 4
 ODD_COST = {32: 1.0, 16: 1.08, 8: 1.17, 4: 1.17}
 """Time per cell of sizes that are multiples of so many, and of no more."""
 Plane = NDArray[np.complex64]
@@ -70,7 +70,7 @@ def field_spectrum(transform: Transform, field: Floats) -> Plane:
 
 def cost(rows: int, cols: int) -> float:
     """Return what a transform of at least this size costs, in cells of the fastest."""
-    return float(_cost(_quick_size(rows, 4)) * _cost(_quick_size(cols, 4)))
+    return float(_cost(_quick_size(rows)) * _cost(_quick_size(cols)))
 
 
 def make_transform(rows: int, cols: int) -> Transform:
@@ -85,16 +85,16 @@ def _has_ipp() -> bool:
 
 
 @lru_cache(maxsize=256)
-def _quick_size(least: int, multiple: int) -> int:
+def _quick_size(least: int) -> int:
     """
-    Return a size of at least this and a multiple of `multiple` that IPP transforms fast.
+    Return a size of at least this that IPP transforms fast.
 
     Small prime factors are up to six times faster than others, and many factors of two faster
     again by what `ODD_COST` says (measured).
 
     """
-    first = -(-least // multiple) * multiple
-    sizes = (size for size in range(first, 2 * first + 1, multiple) if _is_smooth(size))
+    first = -(-least // MULTIPLE) * MULTIPLE
+    sizes = (size for size in range(first, 2 * first + 1, MULTIPLE) if _is_smooth(size))
     return min(islice(sizes, SIZES_TRIED), key=_cost)
 
 
@@ -114,7 +114,7 @@ class OpenCVTransform:
     """OpenCV's transform, of whole planes: telling it of zero rows would switch IPP off."""
 
     def __init__(self, rows: int, cols: int) -> None:
-        self.shape = _quick_size(rows, 4), _quick_size(cols, 4)
+        self.shape = _quick_size(rows), _quick_size(cols)
 
     def forward(self, plane: Plane, rows: int, out: Plane) -> None:
         """Transform a plane."""
