@@ -131,6 +131,11 @@ def test_joining_keeps_weights_and_means():
     part = case.window[2 * r + top - 1 : 2 * r + top + 3, 2 * c + left - 1 : 2 * c + left + 3]
     share = np.array([1.0, 3.0, 3.0, 1.0]) / 8.0
     assert joined.window[r, c] == pytest.approx(share @ part @ share, abs=1e-6)
+    # and so does the view, by weight
+    cells = slice(2 * r - 1, 2 * r + 3), slice(2 * c - 1, 2 * c + 3)
+    weight, values = case.weight[cells], case.values[cells]
+    mean = (share @ (weight * values) @ share) / (share @ weight @ share)
+    assert joined.values[r, c] == pytest.approx(mean, abs=1e-6)
 
 
 def test_joined_candidates_are_candidates():

@@ -5,7 +5,7 @@ Sums of products of turned templates and map fields, over all translations.
 
 A term is `S[d] = Σ_pairs Σ_i T_p[i] F_p[i + d]`. Few translations are done as one matrix product
 per map row over all yaws, many by transforms: the fields' spectra serve all yaws, and the pairs
-of a term are added up as spectra, so that each term costs one inverse.
+of a term are added up as spectra, so that each term costs one transform back for two yaws.
 
 """
 

@@ -84,9 +84,8 @@ class Level:
             mean = cv2.resize(padded, size, interpolation=cv2.INTER_AREA)
             return np.asarray(mean * np.float32(factor * factor))
 
-        kernel = _smoothing(factor)
-        total = joined(_smoothed(self.weight, kernel))
-        values = joined(_smoothed(self.weight * self.values, kernel))
+        total = joined(_smoothed(self.weight, factor))
+        values = joined(_smoothed(self.weight * self.values, factor))
         return joined(self.weight), values / np.maximum(total, np.float32(1e-20))
 
     def _joined_window(self, wide: Grid, factor: int) -> tuple[Floats, Floats]:
@@ -107,13 +106,11 @@ class Level:
             )
             return np.asarray(cv2.resize(padded, size, interpolation=cv2.INTER_AREA))
 
-        kernel = _smoothing(factor)
+        values = joined(_smoothed(self.window, factor, border))
         if everywhere:
-            smooth = _smoothed(self.window, kernel, cv2.BORDER_REPLICATE)
-            return joined(smooth), np.ones(wide.shape, np.float32)
+            return values, np.ones(wide.shape, np.float32)
         known = (joined(self.known) > 0.5).astype(np.float32)
-        share = joined(_smoothed(self.known, kernel))
-        values = joined(_smoothed(self.window, kernel))
+        share = joined(_smoothed(self.known, factor))
         return values / np.maximum(share, np.float32(1e-6)) * known, known
 
 
@@ -136,7 +133,9 @@ def _smoothing(factor: int) -> Floats:
     return np.convolve(box, [0.5, 0.5]) / factor if factor % 2 == 0 else box / factor
 
 
-def _smoothed(values: Floats, kernel: Floats, border: int = cv2.BORDER_CONSTANT) -> Floats:
+def _smoothed(values: Floats, factor: int, border: int = cv2.BORDER_CONSTANT) -> Floats:
+    """Average over as much as a joined cell; what lies outside is 0, or what `border` says."""
+    kernel = _smoothing(factor)
     return np.asarray(cv2.sepFilter2D(values, cv2.CV_32F, kernel, kernel, borderType=border))
 
 
