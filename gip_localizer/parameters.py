@@ -143,7 +143,7 @@ class Integrity:
     """When a match is not believed."""
 
     min_confidence: float = p(
-        0.9, 'Least probability that a match is at the right place.', low=0.0, high=1.0
+        0.95, 'Least probability that a match is at the right place.', low=0.0, high=1.0
     )
     min_confidence_tracking: float = p(
         0.35, 'The same for a match where earlier fixes and the motion expect it.', low=0.0,

@@ -35,7 +35,7 @@ CONFIDENCE_SIGNIFICANCE = 3.4  # per natural logarithm
 LEAST_LEAD = 0.01
 SIGNIFICANT = 20.0  # standard deviations of chance correlation, beyond which they tell no more
 MOST_OVERDISPERSION = 4.5  # from which the parts of the view contradict each other
-VAGUE = (1.5, 0.3)  # overdispersion, cells of standard deviation: no right match exceeds both
+VAGUE = (1.2, 0.3)  # overdispersion, cells of standard deviation: no right match exceeds both
 RIVAL_DISTANCE = 0.2  # m from the winner at which a match is at another place
 MOST_SWAY = 10.0  # of camera_motion's standard deviations, from which a match is made to fit
 MOST_RIVAL = 0.73  # likeness of a match at another place from which neither is believed
@@ -105,7 +105,9 @@ def judge(
             'the frame is flat, dark or saturated'
         ), None, quality)
     if found is None:
-        return Verdict(Status.OFF_MAP, 'the search window lies off the map', None, quality)
+        return Verdict(
+            Status.OFF_MAP, 'no place that was looked at lies on the map', None, quality
+        )
     quality['overlap'] = float(found.scores.overlap.max())
     if found.surface is None or not found.fits:
         return Verdict(Status.LOW_OVERLAP, (
