@@ -276,6 +276,7 @@ def test_time_that_jumps_back_starts_afresh(road, frame):
     localizer = make(road)
     localizer.set_prior(0, frame[0], CERTAIN)
     assert localizer.update(1000 * S, frame[1], CAMERA).published
+    assert localizer.update(4 * S, frame[1], CAMERA).status is Status.OUT_OF_ORDER
     estimate = localizer.update(5 * S, frame[1], CAMERA)
     check(estimate)
     assert estimate.status is Status.NO_PRIOR
@@ -290,9 +291,50 @@ def test_time_that_jumps_back_returns_to_the_initial_pose_of_the_parameters(road
     localizer = make(road, initial_pose__set=True, initial_pose__x=pose.x,
                      initial_pose__y=pose.y, initial_pose__yaw=pose.yaw)
     assert localizer.update(1000 * S, frame[1], CAMERA).published
+    assert localizer.update(4 * S, frame[1], CAMERA).status is Status.OUT_OF_ORDER
     again = localizer.update(5 * S, frame[1], CAMERA)
     check(again, pose)
     assert again.published
+
+
+@pytest.mark.parametrize('wrong', [-1000, 0, 900, 1100, 5_700_000])  # s; the drive is at 1000
+def test_a_single_stamp_that_is_far_off_costs_one_frame_and_no_belief(road, wrong):
+    localizer = make(road)
+    localizer.set_prior(0, road.pose(0.1), CERTAIN)
+    drive(road, localizer, 3, stamp_ns=1000 * S, period_ns=60 * MS)
+    belief = localizer.tracker.belief
+    image = road.frame(CAMERA, road.pose(0.1))
+    for _ in range(2):
+        estimate = localizer.update(wrong * S, image, CAMERA)
+        check(estimate)
+        assert estimate.status is Status.OUT_OF_ORDER
+        assert f' {abs(wrong - 1000.12):.1f} s ' in estimate.reason
+    assert localizer.tracker.belief is belief
+    start = 0.1 + 0.18 * SPEED / road.lane.length
+    later = drive(road, localizer, 2, start=start, stamp_ns=1000 * S + 180 * MS, period_ns=60 * MS)
+    assert all(estimate.published for estimate in later)
+
+
+def test_a_pause_of_minutes_is_over_with_the_second_frame_after_it(road, frame):
+    localizer = make(road)
+    localizer.set_prior(0, frame[0], CERTAIN)
+    assert localizer.update(S, frame[1], CAMERA).published
+    assert localizer.update(600 * S, frame[1], CAMERA).status is Status.OUT_OF_ORDER
+    assert localizer.update(601 * S, frame[1], CAMERA).published
+
+
+@pytest.mark.parametrize('speed', [5.0, 40.0])
+def test_frames_confirm_a_found_place_only_where_the_vehicle_can_be(road, speed):
+    """Each match is believed by itself; a vehicle of 20 m/s cannot have made the second way."""
+    localizer = make(road, recovery__confirm_frames=2, motion__max_speed=20.0)
+    localizer.relocalize()
+    statuses = []
+    for i in range(2):
+        pose = road.pose(0.1 + i * 5e-3 * speed / road.lane.length)
+        image = road.frame(CAMERA, pose)
+        statuses.append(localizer.update(S + i * 5 * MS, image, CAMERA).status)
+    second = Status.TRACKING if speed < 20.0 else Status.CONFIRMING
+    assert statuses == [Status.CONFIRMING, second]
 
 
 def test_lost_after_enough_misses_and_silent_until_found(road, frame):

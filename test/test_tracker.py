@@ -124,6 +124,66 @@ def test_a_miss_carries_the_prediction_and_its_doubt_on():
     assert t.belief.covariance[0, 0] > 10 * SMALL[0, 0]
 
 
+def blind(rate, seconds, told=False):
+    """Return the prior after so many seconds of misses at 5 m/s, with odometry or without."""
+    t = tracker(sigma_xy_per_m=0.02, sigma_xy_per_s=0.05)
+    for i in range(round(50 * seconds) + 1) if told else ():
+        assert t.odometry.add(OdometrySample(i * 20 * MS, Pose2(0.1 * i, 0.0, 0.0)))
+    for i in range(1, round(rate * seconds) + 1):
+        t.miss(t.predict(round(i * 1000 / rate) * MS))
+    return t.belief
+
+
+@pytest.mark.parametrize('told', [True, False])
+def test_what_is_not_known_of_the_motion_does_not_depend_on_the_frame_rate(told):
+    often, seldom = blind(25.0, 8.0, told), blind(1.0, 8.0, told)
+    np.testing.assert_allclose(often.pose, seldom.pose, atol=1e-9)
+    np.testing.assert_allclose(np.diag(often.covariance)[2], np.diag(seldom.covariance)[2])
+    grown = math.hypot(0.02 * 40.0, 0.05 * 8.0) if told else 5.0 * 0.05 * 8.0
+    ahead = Pose2(*seldom.pose).rotation().T @ seldom.covariance[:2, :2] @ seldom.pose.rotation()
+    assert math.sqrt(ahead[0, 0]) == pytest.approx(grown, rel=0.01)
+
+
+def test_a_velocity_is_held_for_two_seconds_however_many_frames_miss():
+    t = tracker()
+    for i in range(1, 4):
+        fix = Belief(i * 100 * MS, Pose2(1.0 * i, 0.0, 0.0), SMALL)
+        t.correct(t.predict(i * 100 * MS), fix, fuse=False)
+    for i in range(4, 100):
+        t.miss(t.predict(i * 100 * MS))
+    assert t.prediction_source == 'standstill'
+    assert t.belief.pose.x == pytest.approx(3.0 + 10.0 * 1.9)
+    assert t.belief.covariance[0, 0] > 1.0
+
+
+@pytest.mark.parametrize('speed', [0.5, 1.0, 2.0])
+def test_odometry_that_stands_still_is_not_trusted_again_at_a_walk(speed):
+    t, doubted = tracker(), []
+    for i in range(1, 400):
+        assert t.odometry.add(OdometrySample(i * 100 * MS, Pose2(0.0, 0.0, 0.0)))
+        fix = Belief(i * 100 * MS, Pose2(0.1 * speed * i, 0.0, 0.0), SMALL)
+        t.correct(t.predict(i * 100 * MS), fix, fuse=True)
+        doubted.append(t.trust.doubted)
+    first = doubted.index(True)
+    assert first < 80
+    assert all(doubted[first:])
+
+
+def test_a_place_is_followed_as_far_as_a_vehicle_can_go():
+    t = tracker(max_speed=20.0)
+    start = Belief(0, Pose2(0.0, 0.0, 0.0), SMALL)
+    t.begin(start)
+    prior = t.predict(100 * MS)  # nothing is known of the motion
+    assert t.follows(prior, Belief(100 * MS, Pose2(1.9, 0.0, 0.0), SMALL))
+    assert not t.follows(prior, Belief(100 * MS, Pose2(2.5, 0.0, 0.0), SMALL))
+    t.correct(prior, Belief(100 * MS, Pose2(1.0, 0.0, 0.0), SMALL), fuse=False)
+    prior = t.predict(200 * MS)  # 10 m/s, as from one fix to the next
+    assert prior.pose.x == pytest.approx(2.0)
+    assert t.follows(prior, Belief(200 * MS, Pose2(2.1, 0.0, 0.0), SMALL))
+    assert not t.follows(prior, Belief(200 * MS, Pose2(1.0, 0.0, 0.0), SMALL))
+    assert not t.follows(prior, Belief(200 * MS, Pose2(2.0, 0.0, 1.0), SMALL))
+
+
 def test_a_reset_forgets_the_velocity():
     t = tracker()
     for i in range(1, 4):

@@ -21,11 +21,12 @@ from gip_localizer.core.arrays import Floats, Grey
 from gip_localizer.core.birdseye import View
 from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.estimate import Estimate, Match, Status
+from gip_localizer.core.frame_order import FrameOrder
 from gip_localizer.core.frame_search import FrameSearch
 from gip_localizer.core.gramian import estimate_pixel_noise, gramian
 from gip_localizer.core.integrity import judge, Verdict
 from gip_localizer.core.map_crops import MapCrops
-from gip_localizer.core.odometry import OdometrySample, REWIND_NS
+from gip_localizer.core.odometry import OdometrySample
 from gip_localizer.core.optics import Optics
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
@@ -57,7 +58,7 @@ class Localizer:
         self.parameters = parameters
         self.tracker = Tracker(parameters.motion)
         self.standing = Standing(parameters)
-        self._last_stamp_ns: int | None = None
+        self._order = FrameOrder()
         self._optics: Optics | None = None
         self._timings: dict[str, float] = {}
         self._start()
@@ -103,6 +104,7 @@ class Localizer:
         self.tracker.reset(checked_prior(stamp_ns or NOW, pose, covariance))
         self.standing.started()
         self.standing.wanted = False
+        self._order = FrameOrder()
         if self._optics is not None:
             self._optics.gain = 1.0
 
@@ -170,15 +172,12 @@ class Localizer:
             return self._conclude(stamp_ns, match, found, verdict, prior)
 
     def _out_of_order(self, stamp_ns: int) -> Estimate | None:
-        last = self._last_stamp_ns
-        if last is not None and stamp_ns <= last:
-            if last - stamp_ns <= REWIND_NS:
-                return self._silent(stamp_ns, Status.OUT_OF_ORDER, (
-                    f'frame is {(last - stamp_ns) * 1e-6:.1f} ms behind the one before; skipped'
-                ))
+        fault = self._order.fault(stamp_ns)
+        if fault:
+            return self._silent(stamp_ns, Status.OUT_OF_ORDER, fault)
+        if self._order.restarted:
             self._start()
             self.tracker.odometry.clear()
-        self._last_stamp_ns = stamp_ns
         return None
 
     def _prepare(self, stamp_ns: int, camera: CameraModel) -> Estimate | None:
@@ -259,10 +258,10 @@ class Localizer:
             return self._missed(stamp_ns, verdict, match, prior)
         self._optics_now.gain = fit.gain
         belief = Belief(stamp_ns, fit.pose, fit.covariance_in_map)
-        new_place = self.standing.new_place(stamp_ns)
+        new_place = self.standing.new_place(stamp_ns) or self._contradicts(prior, belief)
         self.standing.fixed(new_place=new_place)
         if new_place:
-            self.tracker.reset(belief)
+            self.tracker.begin(belief)
         elif prior is not None:
             belief = self.tracker.correct(prior, belief, fuse=self.parameters.motion.fuse)
         wanted = self.standing.unconfirmed
@@ -272,6 +271,12 @@ class Localizer:
             ), fit, verdict.quality)
             return self._estimate(stamp_ns, verdict, match, None)
         return self._estimate(stamp_ns, verdict, match, belief)
+
+    def _contradicts(self, prior: Belief | None, found: Belief) -> bool:
+        """Whether a match is not where a vehicle can be that was at the place to be confirmed."""
+        if self.standing.unconfirmed == 0 or prior is None:
+            return False
+        return not self.tracker.follows(prior, found)
 
     def _missed(
         self, stamp_ns: int, verdict: Verdict, match: Match, prior: Belief | None

@@ -8,13 +8,13 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 import math
 
+from gip_localizer.core.frame_order import REWIND_NS
 from gip_localizer.core.pose import interpolate, Pose2
 from gip_localizer.parameters import Motion
 
 KEPT_NS = 20_000_000_000  # odometry older than this before the newest is dropped
 MAX_TURN = 50.0  # rad/s, beyond any vehicle
 LEAP_S = 20.0  # a step ahead by more than this must be confirmed by the next sample
-REWIND_NS = 1_000_000_000  # a step back in time by more than this is a restart, not disorder
 
 
 @dataclass(frozen=True)

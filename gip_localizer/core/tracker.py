@@ -3,21 +3,26 @@
 """
 The prior: last pose moved by odometry, and its fusion with each match.
 
-A Kalman filter on (x, y, yaw). Without odometry the last velocity is held; its uncertainty then
-grows with time until the prior no longer says anything, and never turns into a pose by itself.
+A Kalman filter on (x, y, yaw). Without odometry the velocity of the last fixes is held for a
+while. What is not known of the motion grows with the way and the time since the last fix, however
+many frames lie between, until the prior says nothing; it never turns into a pose by itself.
 
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.odometry import OdometryBuffer
-from gip_localizer.core.odometry_trust import OdometryTrust
+from gip_localizer.core.odometry import MAX_TURN, OdometryBuffer
+from gip_localizer.core.odometry_trust import (
+    MAX_ACCELERATION,
+    MAX_TURN_ACCELERATION,
+    OdometryTrust,
+)
 from gip_localizer.core.pose import difference, Pose2, wrap_angle
 from gip_localizer.errors import GipError
 from gip_localizer.parameters import Motion
@@ -25,7 +30,8 @@ from gip_localizer.parameters import Motion
 GATE_SQ = 21.1  # chi-square, 3 degrees of freedom, 99.99 %
 SHARPEST, SHARPEST_RATIO = 1e-12, 1e-9  # least variance, m² and rad², and least of two axes
 VAGUEST = 1e12  # m², rad²: beyond this a prior is none
-HELD_VELOCITY_S = 2.0  # longest time a velocity between two fixes is held
+HELD_VELOCITY_S = 2.0  # longest time since a fix for which its velocity is held
+BLIND = 5.0  # times as much drift with time where odometry does not tell the motion
 
 
 class PriorError(GipError):
@@ -45,12 +51,16 @@ class Belief:
         Base in map.
     covariance : (3, 3) float64
         Of x, y (m), yaw (rad), map axes.
+    driven, unseen : float
+        Metres and seconds since a fix told the pose.
 
     """
 
     stamp_ns: int
     pose: Pose2
     covariance: Floats
+    driven: float = 0.0
+    unseen: float = 0.0
 
 
 def checked_prior(stamp_ns: int, pose: Pose2, covariance: Floats) -> Belief:
@@ -118,29 +128,41 @@ class Tracker:
         if belief is None:
             self.trust = OdometryTrust()
 
+    def begin(self, fix: Belief) -> None:
+        """Start again from a fix at a place that earlier ones do not vouch for."""
+        self.reset(fix)
+        self._last_fix = fix
+
     def predict(self, stamp_ns: int) -> Belief | None:
         """Return the belief moved to a stamp; None without one."""
         if self.belief is None:
             return None
         elapsed = max((stamp_ns - self.belief.stamp_ns) * 1e-9, 0.0)
-        motion = self._motion(stamp_ns, elapsed)
-        return _moved(self.belief, stamp_ns, motion, self._motion_covariance(motion, elapsed))
+        motion, blind = self._motion(stamp_ns, elapsed)
+        driven = self.belief.driven + math.hypot(motion.x, motion.y)
+        unseen = self.belief.unseen + elapsed
+        drift = self._drift(blind, (self.belief.driven, driven), (self.belief.unseen, unseen))
+        return replace(_moved(self.belief, stamp_ns, motion, drift), driven=driven, unseen=unseen)
 
-    def _motion(self, stamp_ns: int, elapsed: float) -> Pose2:
+    def _motion(self, stamp_ns: int, elapsed: float) -> tuple[Pose2, float]:
+        """Return the motion since the belief, and times how much drift with time it has."""
         assert self.belief is not None
         measured = self.odometry.motion(self.belief.stamp_ns, stamp_ns)
-        held = self._held_motion(elapsed)
+        held = self._held_motion(elapsed, stamp_ns)
         if measured is not None and self.trust.usable(measured, held, elapsed):
             self.prediction_source = 'odometry'
-            return measured
+            return measured, 1.0
         if held is not None:
             self.prediction_source = 'constant velocity'
-            return held
+            return held, BLIND
         self.prediction_source = 'standstill'
-        return Pose2(0.0, 0.0, 0.0)
+        return Pose2(0.0, 0.0, 0.0), BLIND
 
-    def _held_motion(self, elapsed: float) -> Pose2 | None:
-        if self._velocity is None or elapsed >= HELD_VELOCITY_S:
+    def _held_motion(self, elapsed: float, now_ns: int) -> Pose2 | None:
+        """Return the motion of so many seconds up to now; None long after the last fix."""
+        if self._velocity is None or self._last_fix is None:
+            return None
+        if (now_ns - self._last_fix.stamp_ns) * 1e-9 >= HELD_VELOCITY_S:
             return None
         return _scaled(self._velocity, elapsed)
 
@@ -149,17 +171,43 @@ class Tracker:
         measured = self.odometry.motion(stamp_ns, now_ns)
         if measured is not None and not self.trust.doubted:
             return measured
-        return self._held_motion((now_ns - stamp_ns) * 1e-9)
+        return self._held_motion((now_ns - stamp_ns) * 1e-9, now_ns)
 
-    def _motion_covariance(self, motion: Pose2, elapsed: float) -> Floats:
-        driven = math.hypot(motion.x, motion.y)
+    def _drift(
+        self, blind: float, driven: tuple[float, float], unseen: tuple[float, float]
+    ) -> Floats:
+        """Covariance (3, 3) of a part of the way since a fix, told in metres and seconds."""
         noise = self._noise
-        blind = 1.0 if self.prediction_source == 'odometry' else 5.0
-        xy = (noise.sigma_xy_per_m * driven) ** 2 + (blind * noise.sigma_xy_per_s * elapsed) ** 2
-        yaw = (noise.sigma_yaw_per_m * driven) ** 2 + (
-            blind * noise.sigma_yaw_per_s * elapsed
-        ) ** 2
+        far, long = (end**2 - start**2 for start, end in (driven, unseen))
+        xy = noise.sigma_xy_per_m**2 * far + (blind * noise.sigma_xy_per_s) ** 2 * long
+        yaw = noise.sigma_yaw_per_m**2 * far + (blind * noise.sigma_yaw_per_s) ** 2 * long
         return np.diag([xy, xy, yaw])
+
+    def follows(self, prior: Belief, measured: Belief) -> bool:
+        """
+        Tell whether a vehicle can have come from the last fix to a match.
+
+        Parameters
+        ----------
+        prior : Belief
+            What `predict` returned for the match's stamp.
+        measured : Belief
+            The match.
+
+        """
+        reach, turn = self._reach(prior.unseen)
+        innovation = difference(measured.pose, prior.pose)
+        innovation[:2] *= _beyond(math.hypot(innovation[0], innovation[1]), reach)
+        innovation[2] *= _beyond(abs(innovation[2]), turn)
+        return _agree(innovation, prior.covariance + measured.covariance)
+
+    def _reach(self, seconds: float) -> tuple[float, float]:
+        """Metres and radians that the motion since a fix may differ from the predicted one."""
+        if self.prediction_source == 'odometry':
+            return 0.0, 0.0
+        if self.prediction_source == 'constant velocity':
+            return MAX_ACCELERATION * seconds**2, MAX_TURN_ACCELERATION * seconds**2
+        return self._noise.max_speed * seconds, MAX_TURN * seconds
 
     def correct(self, prior: Belief, measured: Belief, *, fuse: bool) -> Belief:
         """
@@ -182,8 +230,8 @@ class Tracker:
         """
         innovation = difference(measured.pose, prior.pose)
         total = prior.covariance + measured.covariance
-        agrees = innovation @ np.linalg.solve(total, innovation) < GATE_SQ
-        belief = _fused(prior, measured, innovation, total) if fuse and agrees else measured
+        fusing = fuse and _agree(innovation, total)
+        belief = _fused(prior, measured, innovation, total) if fusing else measured
         self._learn_velocity(belief)
         self.belief = belief
         return belief
@@ -211,7 +259,7 @@ class Tracker:
             self._compared_since = fix
             return
         elapsed = (fix.stamp_ns - since.stamp_ns) * 1e-9
-        drift = self._motion_covariance(told, elapsed)
+        drift = self._drift(1.0, (0.0, math.hypot(told.x, told.y)), (0.0, elapsed))
         spread = since.covariance + fix.covariance + drift
         done = self.trust.compare(
             told, since.pose.inverse() @ fix.pose, math.sqrt(spread[0, 0] + spread[1, 1]),
@@ -219,6 +267,16 @@ class Tracker:
         )
         if done:
             self._compared_since = fix
+
+
+def _agree(innovation: Floats, total: Floats) -> bool:
+    """Whether two poses differ by no more than their covariances allow."""
+    return bool(innovation @ np.linalg.solve(total, innovation) < GATE_SQ)
+
+
+def _beyond(length: float, reach: float) -> float:
+    """Share of a length that lies beyond a reach."""
+    return max(1.0 - reach / length, 0.0) if length > 0.0 else 0.0
 
 
 def _scaled(motion: Pose2, factor: float) -> Pose2:

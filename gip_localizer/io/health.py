@@ -12,6 +12,7 @@ import time
 import numpy as np
 
 from gip_localizer.core.estimate import Estimate, Status
+from gip_localizer.core.frame_order import REWIND_NS
 from gip_localizer.io.concerns import Concern, CONCERNS, Level, Rule
 from gip_localizer.stack_parameters import Diagnostics
 
@@ -19,8 +20,6 @@ REMEMBERED = 10.0
 """Time (s) for which a passing fault is told."""
 RECENT = 100
 """Frames over which times are summed up."""
-REWIND_S = 1.0
-"""A stamp this much (s) before the last one tells that time itself went back."""
 AGES = {'image': 'image_age', 'odom': 'odometry_age', 'pose': 'pose_age'}
 COMPLAINTS = {'odom': 'ODOMETRY_REFUSED', 'initialpose': 'INITIALPOSE_REFUSED'}
 COUNTED = {
@@ -106,7 +105,7 @@ class Health:
 
     def image_came(self, stamp_ns: int, clock_ns: int) -> None:
         """Note an image: its stamp, and the clock at its arrival."""
-        if self._stamps and (self._stamps[-1] - stamp_ns) * 1e-9 > REWIND_S:
+        if self._stamps and self._stamps[-1] - stamp_ns > REWIND_NS:
             self.time_went_back((self._stamps[-1] - stamp_ns) * 1e-9)
         self.frames += 1
         self._at['image'] = self.steady()

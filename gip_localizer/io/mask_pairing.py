@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from gip_localizer.core.odometry import REWIND_NS
+from gip_localizer.core.frame_order import REWIND_NS
 from gip_localizer.io.messages import stamp_ns
 from gip_localizer.stack_parameters import MaskTopic
 
