@@ -191,7 +191,30 @@ def test_noise_goes_with_a_map_and_falls_with_averaging():
     assert same.doubled().noise.shape == same.doubled().grey.shape
     # 2 x 2 cells are joined, and smoothed to as many again
     np.testing.assert_allclose(joined.noise, 0.2 / 4.0, rtol=1e-5)
-    np.testing.assert_allclose(same.smoothed(0.1).noise, 0.1, rtol=1e-6)
+    np.testing.assert_allclose(same.smoothed(0.1, 0.05).noise, 0.1, rtol=1e-6)
+
+
+@pytest.mark.parametrize(('cells', 'done'), [
+    ((0.14,), 2.8), ((0.14, 0.14), 2.8), ((0.14, 0.3), 6.0),
+])
+@pytest.mark.parametrize('kind', [np.uint8, np.float32])
+def test_a_map_finer_than_the_view_is_smoothed_once(cells, done, kind):
+    '''Second moment of a dot: of a box of the last cell, less what bilinear sampling adds.'''
+    white = 200 if kind is np.uint8 else 200.0 / 255.0
+    grey = np.zeros((81, 81), kind)
+    grey[40, 40] = white
+    noise = np.full((81, 81), 0.2, np.float32)
+    box = (0, 81, 0, 81)
+    first, *others = cells
+    raster_map = RasterMap(grey, 0.05, noise=noise).cut(box, first)
+    for cell in others:
+        raster_map = raster_map.smoothed(cell, first)
+    values = raster_map.grey.astype(float)
+    np.testing.assert_allclose(values.sum(), 200.0 / 255.0, rtol=1e-4)
+    offsets = np.arange(81) - 40.0
+    moment = (values.sum(axis=0) * offsets**2).sum() / values.sum()
+    np.testing.assert_allclose(moment, (done**2 - 1.0) / 12.0, rtol=0.05)
+    np.testing.assert_allclose(raster_map.noise, 0.2 / done, rtol=1e-5)
 
 
 def test_noise_of_another_shape_is_refused():

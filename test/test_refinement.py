@@ -28,7 +28,7 @@ def fit(road, image, start, *, refiner=None, noise=0.01, **kwargs):
     view = RECTIFIER.rectify(image)
     weight = gramian(view.footprint, pixel_noise=noise, map_noise=0.02)
     crop = road.map.crop(start.transform(RECTIFIER.grid.corners()), margin=1.5, cell=0.05)
-    return refiner.refine(refiner.layers(view, weight, Crop(crop)), start, **kwargs)
+    return refiner.refine(refiner.layers(view, weight, Crop(crop, 0.05)), start, **kwargs)
 
 
 def assert_near(pose, truth, *, xy=0.02, yaw=0.002):
@@ -148,7 +148,7 @@ def test_off_the_map_nothing_converges(road):
     view = RECTIFIER.rectify(road.frame(CAMERA, truth))
     weight = gramian(view.footprint, pixel_noise=0.01, map_noise=0.02)
     refiner = Refiner(RECTIFIER, FIXED, normalized=True, robust=True)
-    found = refiner.refine(refiner.layers(view, weight, Crop(blind)), truth)
+    found = refiner.refine(refiner.layers(view, weight, Crop(blind, 0.05)), truth)
     assert not found.converged
     assert found.overlap == 0.0
 
@@ -169,7 +169,8 @@ def test_cells_whose_map_is_noisy_and_says_so_hardly_count(road):
         grey = crop.grey + noise * np.random.default_rng(seed).standard_normal(
             crop.grey.shape).astype(np.float32)
         for name, known in (('told', noise), ('not told', None)):
-            layers = refiner.layers(view, weight, Crop(replace(crop, grey=grey, noise=known)))
+            told = Crop(replace(crop, grey=grey, noise=known), 0.05)
+            layers = refiner.layers(view, weight, told)
             found = refiner.refine(layers, start)
             errors[name].append(math.hypot(*difference(found.pose, truth)[:2]))
     assert np.mean(errors['told']) < 0.7 * np.mean(errors['not told'])

@@ -65,11 +65,13 @@ def repeated(cells: Grey) -> Grey:
     return np.repeat(np.repeat(cells, 2, axis=0), 2, axis=1)
 
 
-def smoothed(values: Floats, valid: Bools | None, ratio: float) -> tuple[Floats, Bools | None]:
+def smoothed(
+    values: Floats, valid: Bools | None, ratio: float, before: float = 1.0
+) -> tuple[Floats, Bools | None]:
     """Smooth so that bilinear sampling has the second moment of a box of `ratio` cells."""
-    if ratio <= 1.05:
+    if ratio <= 1.05 * before:
         return values, valid
-    return blurred(values, valid, math.sqrt((ratio**2 - 1.0) / 12.0))
+    return blurred(values, valid, math.sqrt((ratio**2 - before**2) / 12.0))
 
 
 def blurred(values: Floats, valid: Bools | None, sigma: float) -> tuple[Floats, Bools | None]:

@@ -36,18 +36,21 @@ class Crop:
     ----------
     part : RasterMap
         float32, as `RasterMap.crop` returns it.
+    cell : float
+        Side of the cells (m) that it is smoothed for.
 
     """
 
-    def __init__(self, part: RasterMap) -> None:
+    def __init__(self, part: RasterMap, cell: float) -> None:
         self.part = part
+        self._cell = cell
         self._smoothed: dict[float, RasterMap] = {}
         self._calm: dict[float, tuple[Floats, Floats]] = {}
 
     def for_cells(self, resolution: float) -> RasterMap:
         """Return the part smoothed for cells of a side (m), on half cells where that helps."""
         if resolution not in self._smoothed:
-            smoothed = self.part.smoothed(resolution)
+            smoothed = self.part.smoothed(resolution, self._cell)
             if self._is_doubled(resolution):
                 smoothed = smoothed.doubled()
             self._smoothed[resolution] = smoothed
@@ -113,7 +116,7 @@ class MapCrops:
             return None
         key = (box, cell)
         if key not in self._kept:
-            self._kept[key] = Crop(self.raster_map.cut(box, cell))
+            self._kept[key] = Crop(self.raster_map.cut(box, cell), cell)
             if len(self._kept) > KEPT:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(key)

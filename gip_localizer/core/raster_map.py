@@ -226,11 +226,19 @@ class RasterMap:
         origin = Pose2(float(corner[0]), float(corner[1]), self.origin.yaw)
         return RasterMap(values, resolution, origin, valid, noise)
 
-    def smoothed(self, cell: float) -> RasterMap:
-        """Return the map (float32) smoothed for a cell size in metres, at its own resolution."""
-        ratio = cell / self.resolution
-        values, valid = smoothed(self.grey, self.valid, ratio)
-        noise = None if self.noise is None else averaged_noise(self.noise, 1, ratio)
+    def smoothed(self, cell: float, before: float) -> RasterMap:
+        """
+        Return the map (float32) smoothed for larger cells, at its own resolution.
+
+        Parameters
+        ----------
+        cell, before : float
+            Side of the cells (m) that it is for, and that it was smoothed for before (`cut`).
+
+        """
+        ratio, done = (max(side / self.resolution, 1.0) for side in (cell, before))
+        values, valid = smoothed(scaled(self.grey), self.valid, ratio, done)
+        noise = None if self.noise is None else averaged_noise(self.noise, 1, ratio / done)
         return RasterMap(values, self.resolution, self.origin, valid, noise)
 
     def blurred_slopes(self, sigma: float) -> tuple[Floats, Floats]:
