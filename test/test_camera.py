@@ -180,7 +180,7 @@ def test_the_key_tells_every_difference():
         make_camera('plumb_bob', focal=451.0),
         make_camera('none'),
         make_camera('plumb_bob', binning=(2, 2)),
-        base.with_image_size(639, 360),
+        base.for_image(np.zeros((360, 639), np.uint8)),
         base.with_extrinsics(replace(HELD, z=1.6)),
     ]
     keys = {camera.key() for camera in [base, *others]}

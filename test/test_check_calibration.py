@@ -8,6 +8,8 @@ import math
 from pathlib import Path
 import re
 
+import cv2
+from drive_samples import recorded, rewritten
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from gip_localizer.cli import main
 from gip_localizer.core.birdseye import View
 from gip_localizer.core.footprints import Grid
 from gip_localizer.evaluation.lane_lines import lane_lines, LaneLine, pitch_excess
+from gip_localizer.io.cdr import jazzy
 
 BAG = Path(__file__).parents[1] / 'bags' / 'demo'
 TRUE_PITCH = math.radians(15.0)
@@ -68,6 +71,40 @@ def test_a_picture_that_cannot_be_written_is_told(tmp_path, capsys, out, words):
     assert code == 1
     assert words in said.err
     assert [path.name for path in tmp_path.iterdir()] == ['file.txt']
+
+
+def damaged(tmp_path, change):
+    """The demo bag with every fifth image changed (its bytes)."""
+    pictures, messages = 0, []
+    for topic, msgtype, log_ns, raw in recorded(BAG):
+        if msgtype == 'sensor_msgs/msg/CompressedImage':
+            pictures += 1
+            if pictures % 5 == 0:
+                message = jazzy().deserialize_cdr(raw, msgtype)
+                message.data = change(message.data)
+                raw = bytes(jazzy().serialize_cdr(message, msgtype))
+        messages.append((topic, msgtype, log_ns, raw))
+    return rewritten(tmp_path / 'bag.mcap', messages)
+
+
+def half_size(data):
+    picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
+    return cv2.imencode('.jpg', picture[::2, ::2])[1].ravel()
+
+
+@pytest.mark.parametrize(('change', 'words'), [
+    (lambda data: data[:200], 'decode'), (half_size, 'its CameraInfo is for'),
+])
+def test_images_that_cannot_be_used_are_counted_and_the_others_tell(
+    tmp_path, capsys, change, words
+):
+    code = main(['check-calibration', str(damaged(tmp_path, change)),
+                 '--params', str(BAG / 'params.yaml'), '--out', str(tmp_path / 'c.png')])
+    said = capsys.readouterr()
+    assert code == 0, said.err
+    line, = (line for line in said.out.splitlines() if 'cannot be used' in line)
+    assert ' 8 ' in line
+    assert words in line
 
 
 def painted(*lines):

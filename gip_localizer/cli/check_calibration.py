@@ -65,6 +65,8 @@ def _tell(check: CalibrationCheck, pitch: float, out: Path) -> int:
     found = len(check.excesses)
     print(f'{"frames":28}{check.frames:>10}')
     print(f'{"with two straight lines":28}{found:>10}')
+    if check.refused:
+        print(f'{"that cannot be used":28}{len(check.refused):>10}  first: {check.refused[0]}')
     if found < LEAST_FRAMES:
         print(f'picture: {out}')
         print('gip: too few frames show two straight lane lines at least 2 m apart; choose a '

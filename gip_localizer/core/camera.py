@@ -17,11 +17,13 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from gip_localizer.core.arrays import Bools, Floats
+from gip_localizer.core.arrays import Bools, Floats, Grey
 from gip_localizer.core.calibration import Calibration, check_matrix, FISHEYE_MODELS
+from gip_localizer.errors import CalibrationError
 
 OPTICAL_FROM_BODY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 HORIZON_MARGIN = 1e-3  # least depression of a ray, rad: beyond about 1000 camera heights is sky
+SIZE_SLACK = 1  # px by which an image may differ from its calibration (rounding of binning)
 FOLD_RAYS = np.linspace(0.0, 10.0, 4001)  # radii at which a lens model is checked for folding
 
 
@@ -103,8 +105,24 @@ class CameraModel:
         """Return the same camera held elsewhere."""
         return CameraModel(self.calibration, extrinsics, rectified=self.rectified)
 
-    def with_image_size(self, width: int, height: int) -> CameraModel:
-        """Return the same camera delivering images of a slightly different size."""
+    def for_image(self, image: Grey) -> CameraModel:
+        """
+        Return the camera that delivers an image, itself unless sizes differ by a rounding.
+
+        Raises
+        ------
+        CalibrationError
+            The calibration is for images of another size.
+
+        """
+        height, width = image.shape
+        if (width, height) == (self.width, self.height):
+            return self
+        if max(abs(width - self.width), abs(height - self.height)) > SIZE_SLACK:
+            raise CalibrationError(
+                f'the image is {width}x{height}, its CameraInfo is for '
+                f'{self.width}x{self.height}; publish the CameraInfo of this camera and mode'
+            )
         other = CameraModel(self.calibration, self.extrinsics, rectified=self.rectified)
         other.width, other.height = width, height
         return other

@@ -17,7 +17,7 @@ import numpy as np
 from gip_localizer.core.arrays import Floats, Grey
 from gip_localizer.core.birdseye import Rectifier, View
 from gip_localizer.core.camera import CameraModel
-from gip_localizer.errors import BagError
+from gip_localizer.errors import BagError, CalibrationError, ImageError
 from gip_localizer.evaluation.lane_lines import lane_lines, LaneLine, pitch_excess
 from gip_localizer.evaluation.report_figures import ESTIMATE, STYLE, WRONG
 from gip_localizer.io.bag_topics import IMAGES, Topics
@@ -48,6 +48,8 @@ class CalibrationCheck:
         With the pose that is checked.
     frames : int
         Frames looked at.
+    refused : list of str
+        Why others could not be.
     excesses : (n,) float64
         Pitch too much, rad, of each frame with two straight lines.
     example : CheckedFrame
@@ -57,6 +59,7 @@ class CalibrationCheck:
 
     camera: CameraModel
     frames: int
+    refused: list[str]
     excesses: Floats
     example: CheckedFrame
 
@@ -100,17 +103,26 @@ def check_calibration(
     decode = compressed_grey_image if topics.image.msgtype == IMAGES[1] else grey_image
     step = max(topics.image.messages // most, 1)
     frames: list[CheckedFrame] = []
+    refused: list[str] = []
     for message in islice(bag.messages([topics.image.name]), 0, step * most, step):
         decoded = bag.decode(message)
-        if decoded is not None:
+        if decoded is None:
+            continue
+        try:
             image = decode(decoded)
-            view = rectifier.rectify(image)
-            lines = lane_lines(view, at.x)
-            frames.append(CheckedFrame(image, view, lines, pitch_excess(lines, at.z)))
+            if camera is not (camera := camera.for_image(image)):
+                rectifier = Rectifier(camera, parameters.birdseye)
+        except (ImageError, CalibrationError) as error:
+            refused.append(str(error))
+            continue
+        view = rectifier.rectify(image)
+        lines = lane_lines(view, at.x)
+        frames.append(CheckedFrame(image, view, lines, pitch_excess(lines, at.z)))
     if not frames:
-        raise BagError(f'no image of {topics.image.name} can be read')
+        why = f': {refused[0]}' if refused else ''
+        raise BagError(f'no image of {topics.image.name} can be used{why}')
     excesses = np.array([f.excess for f in frames if f.excess is not None], float)
-    return CalibrationCheck(camera, len(frames), excesses, max(frames, key=_worth))
+    return CalibrationCheck(camera, len(frames), refused, excesses, max(frames, key=_worth))
 
 
 def _worth(frame: CheckedFrame) -> tuple[bool, int]:

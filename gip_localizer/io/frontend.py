@@ -31,8 +31,6 @@ from gip_localizer.io.mask_pairing import Masked
 from gip_localizer.io.masks import both, fitting, mask_image, MaskError
 from gip_localizer.parameters import Parameters
 
-SIZE_SLACK = 1  # px by which an image may differ from its calibration (rounding of binning)
-
 
 class Frontend:
     """
@@ -228,16 +226,7 @@ class Frontend:
         return self._camera
 
     def _camera_for(self, image: Grey) -> CameraModel:
-        camera = self._calibrated_camera()
-        height, width = image.shape
-        if (width, height) == (camera.width, camera.height):
-            return camera
-        if max(abs(width - camera.width), abs(height - camera.height)) > SIZE_SLACK:
-            raise CalibrationError(
-                f'the image is {width}x{height}, its CameraInfo is for '
-                f'{camera.width}x{camera.height}; publish the CameraInfo of this camera and mode'
-            )
-        return camera.with_image_size(width, height)
+        return self._calibrated_camera().for_image(image)
 
     def _count(self, topic: str) -> None:
         self.counts[topic] = self.counts.get(topic, 0) + 1
