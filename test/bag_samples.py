@@ -14,8 +14,9 @@ import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from gip_localizer.core.pose import Pose2
-from gip_localizer.io.bag_writer import covariance_36, make, make_header, make_pose
+from gip_localizer.io.bag_writer import make, make_header, make_pose
 from gip_localizer.io.cdr import jazzy
+from gip_localizer.io.messages import full_covariance
 
 IMAGE, INFO = 'sensor_msgs/msg/Image', 'sensor_msgs/msg/CameraInfo'
 ODOM, POSE = 'nav_msgs/msg/Odometry', 'geometry_msgs/msg/PoseStamped'
@@ -31,7 +32,7 @@ def image(stamp_ns: int, rows: int = 12, cols: int = 16, seed: int = 0) -> Any:
 
 def odometry(stamp_ns: int, pose: Pose2) -> Any:
     vector = make('geometry_msgs/msg/Vector3', x=0.0, y=0.0, z=0.0)
-    covariance = covariance_36(np.eye(3) * 1e-4)
+    covariance = full_covariance(np.eye(3) * 1e-4)
     return make(
         ODOM, header=make_header(stamp_ns, 'odom'), child_frame_id='base_link',
         pose=make('geometry_msgs/msg/PoseWithCovariance', pose=make_pose(pose),

@@ -23,6 +23,7 @@ from gip_localizer.io.messages import (
     PoseMessageError,
     quaternion_of_yaw,
     stamp_ns,
+    UNOBSERVED,
 )
 
 
@@ -78,9 +79,9 @@ def test_positions_that_are_nowhere_are_refused(x):
 def test_covariances_come_back_from_six_by_six():
     root = np.random.default_rng(1).normal(size=(3, 3))
     covariance = root @ root.T
-    full = full_covariance(covariance, unobserved=1e6).reshape(6, 6)
+    full = full_covariance(covariance).reshape(6, 6)
     np.testing.assert_array_equal(planar_covariance(full.ravel()), covariance)
-    np.testing.assert_array_equal(np.diag(full)[[2, 3, 4]], 1e6)
+    np.testing.assert_array_equal(np.diag(full)[[2, 3, 4]], UNOBSERVED)
     assert full[0, 5] == covariance[0, 2]  # x and rotation about z, REP 103
     assert not full[np.ix_([0, 1, 5], [2, 3, 4])].any()
 

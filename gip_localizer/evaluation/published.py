@@ -1,6 +1,12 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The MCAP of a run: poses and diagnostics as the node publishes them, logged at image stamps."""
+"""
+The MCAP of a run: poses as the node publishes them, logged at image stamps.
+
+Diagnostics are one status with the outcome and figures of each frame; what the node tells besides
+(rates, delays, topics) belongs to a running system.
+
+"""
 
 from __future__ import annotations
 
@@ -9,13 +15,8 @@ from typing import Any
 
 from gip_localizer.evaluation.metrics import status_word
 from gip_localizer.evaluation.run import FrameResult, Run
-from gip_localizer.io.bag_writer import (
-    BagWriter,
-    covariance_36,
-    make,
-    make_header,
-    make_pose,
-)
+from gip_localizer.io.bag_writer import BagWriter, make, make_header, make_pose
+from gip_localizer.io.messages import full_covariance
 
 POSE, POSE_WITH_COVARIANCE, DIAGNOSTICS = '/pose', '/pose_with_covariance', '/diagnostics'
 TOPICS = {
@@ -61,7 +62,7 @@ def _write_frame(bag: BagWriter, estimate: FrameResult, frame_id: str) -> None:
         return
     with_covariance = make(
         'geometry_msgs/msg/PoseWithCovariance', pose=pose,
-        covariance=covariance_36(estimate.covariance),
+        covariance=full_covariance(estimate.covariance),
     )
     bag.write(POSE_WITH_COVARIANCE, log_ns, make(
         'geometry_msgs/msg/PoseWithCovarianceStamped', header=header, pose=with_covariance,

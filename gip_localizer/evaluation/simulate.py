@@ -15,8 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from gip_localizer.errors import ParameterError
 from gip_localizer.evaluation.drive_parameters import localizer_parameters
-from gip_localizer.io.bag_writer import BagWriter, covariance_36, make, make_header, make_pose
+from gip_localizer.io.bag_writer import BagWriter, make, make_header, make_pose
 from gip_localizer.io.map_files import save_map
+from gip_localizer.io.messages import full_covariance
 from gip_localizer.parameter_specs import dump_ros_yaml
 from gip_localizer.parameters import dump_parameter_file
 from gip_localizer.synthetic.drive import SyntheticDrive, SyntheticFrame
@@ -96,9 +97,9 @@ def _write_odometry(bag: BagWriter, reading: OdometryReading, drive: SyntheticDr
     bag.write(ODOM, sample.stamp_ns, make(
         TYPES[ODOM], header=make_header(sample.stamp_ns, frames.odom), child_frame_id=frames.base,
         pose=make('geometry_msgs/msg/PoseWithCovariance', pose=make_pose(sample.pose),
-                  covariance=covariance_36(reading.pose_covariance)),
+                  covariance=full_covariance(reading.pose_covariance)),
         twist=make('geometry_msgs/msg/TwistWithCovariance', twist=twist,
-                   covariance=covariance_36(reading.twist_covariance)),
+                   covariance=full_covariance(reading.twist_covariance)),
     ))
 
 

@@ -10,13 +10,10 @@ Message classes and serialization are those of `rosbags`, with ROS 2 Jazzy's def
 from __future__ import annotations
 
 from collections.abc import Mapping
-import math
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from rosbags.interfaces import (
     Connection,
     Qos,
@@ -30,8 +27,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from gip_localizer.core.pose import Pose2
 from gip_localizer.io.cdr import jazzy
-
-UNSEEN = (0.0, 0.0, 1.0, 0.1, 0.1, 0.0)  # variances of z [m²], roll, pitch [rad²], as the node's
+from gip_localizer.io.messages import quaternion_of_yaw
 
 
 def make(msgtype: str, **fields: Any) -> Any:
@@ -48,21 +44,12 @@ def make_header(stamp_ns: int, frame_id: str) -> Any:
 
 def make_pose(pose: Pose2) -> Any:
     """Build a geometry_msgs/Pose in the plane."""
+    x, y, z, w = quaternion_of_yaw(pose.yaw)
     return make(
         'geometry_msgs/msg/Pose',
         position=make('geometry_msgs/msg/Point', x=pose.x, y=pose.y, z=0.0),
-        orientation=make(
-            'geometry_msgs/msg/Quaternion',
-            x=0.0, y=0.0, z=math.sin(pose.yaw / 2.0), w=math.cos(pose.yaw / 2.0),
-        ),
+        orientation=make('geometry_msgs/msg/Quaternion', x=x, y=y, z=z, w=w),
     )
-
-
-def covariance_36(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Spread a (3, 3) covariance of x, y, yaw into ROS's row-major (36,) of x y z r p y."""
-    full = np.diag(UNSEEN)
-    full[np.ix_((0, 1, 5), (0, 1, 5))] = covariance
-    return full.ravel()
 
 
 class BagWriter:

@@ -17,6 +17,8 @@ from gip_localizer.errors import CalibrationError, GipError
 
 PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and rotation about z of a 6 x 6 covariance
 MAX_IMAGE_SIDE = 65536
+UNOBSERVED = 1.0
+"""Variance of z (m²), roll and pitch (rad²): not estimated, the road is taken for flat."""
 FARTHEST = 1e9
 """Metres from the origin of a frame, beyond any map projection."""
 
@@ -72,9 +74,9 @@ def planar_covariance(covariance: Any) -> Floats:
     return full.reshape(6, 6)[PLANAR]
 
 
-def full_covariance(covariance: Floats, *, unobserved: float) -> Floats:
-    """Return a (36,) covariance: (3, 3) for x, y, yaw; `unobserved` variance for the rest."""
-    full = np.diag(np.full(6, unobserved))
+def full_covariance(covariance: Floats) -> Floats:
+    """Return a (36,) covariance, row-major of x y z r p y: (3, 3) of x, y, yaw; UNOBSERVED."""
+    full = np.diag(np.full(6, UNOBSERVED))
     full[PLANAR] = covariance
     return full.ravel()
 

@@ -29,8 +29,6 @@ from gip_localizer.io.messages import full_covariance, quaternion_of_yaw
 from gip_localizer.synthetic.wheel_odometry import OdometryReading
 
 NS = 1_000_000_000
-UNOBSERVED = 1.0
-"""Variance of z (m²), roll and pitch (rad²): not estimated, the road is taken for flat."""
 MAX_GRID_CELLS = 4_000_000
 """A larger map is shown with coarser cells in RViz."""
 STRIP_ROWS = 64
@@ -87,7 +85,7 @@ def pose_with_covariance(
     """
     message = PoseWithCovarianceStamped(header=header_of(stamp_ns, frame))
     message.pose.pose = pose_of(pose)
-    message.pose.covariance = full_covariance(covariance, unobserved=UNOBSERVED)
+    message.pose.covariance = full_covariance(covariance)
     return message
 
 
@@ -147,11 +145,11 @@ def odometry_of(stamp_ns: int, frame: str, base: str, reading: OdometryReading) 
     sample = reading.sample
     message = Odometry(header=header_of(stamp_ns, frame), child_frame_id=base)
     message.pose.pose = pose_of(sample.pose)
-    message.pose.covariance = full_covariance(reading.pose_covariance, unobserved=UNOBSERVED)
+    message.pose.covariance = full_covariance(reading.pose_covariance)
     twist = message.twist.twist
     twist.linear.x, twist.linear.y = sample.forward, sample.left
     twist.angular.z = sample.turn
-    message.twist.covariance = full_covariance(reading.twist_covariance, unobserved=UNOBSERVED)
+    message.twist.covariance = full_covariance(reading.twist_covariance)
     return message
 
 
