@@ -41,6 +41,8 @@ setup(
         'opencv-python-headless>=4.6',
         'mcap',
         'rosbags',
+        'zstandard',
+        'apsw',
         'PyYAML',
         'matplotlib',
         'tqdm',

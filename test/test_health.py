@@ -63,8 +63,7 @@ def test_at_the_start_each_concern_says_what_it_waits_for(steady):
     assert rules(fresh) == {'NO_IMAGE_YET', 'NO_CAMERA_INFO_YET', 'WAITING'}
 
 
-@pytest.mark.parametrize('status', [s for s in Status if s not in (
-    Status.TRACKING, Status.DISABLED)])
+@pytest.mark.parametrize('status', [s for s in Status if s is not Status.TRACKING])
 def test_each_status_has_a_rule_that_withholds_and_is_named_by_the_output(health, status):
     health.took(Estimate(SECOND, status, 'because'), 5.0)
     found = rule_of(str(status))

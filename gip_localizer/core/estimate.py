@@ -22,8 +22,6 @@ class Status(str, Enum):
     """Outcome of a frame; only TRACKING publishes a pose."""
 
     TRACKING = 'TRACKING'
-    DISABLED = 'DISABLED'
-    NO_MAP = 'NO_MAP'
     NO_CALIBRATION = 'NO_CALIBRATION'
     BAD_IMAGE = 'BAD_IMAGE'
     FROZEN_IMAGE = 'FROZEN_IMAGE'

@@ -41,7 +41,8 @@ class Surface:
     winner_mass : float
         Share of the probability within the winner's radius.
     second_ratio : float
-        Best residual outside the winner's radius over the best residual (≥ 1; inf: none).
+        Least residual outside the winner's radius over the winner's (inf: none); below 1 where
+        the prior decides.
     covariance : (3, 3) float64
         Spread of the posterior (x, y, yaw) in the anchor's axes.
     entropy : float

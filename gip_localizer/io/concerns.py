@@ -73,12 +73,12 @@ W, E = Level.WARN, Level.ERROR
 CAMERA = Concern('camera', (
     Rule('NO_IMAGE_YET', W, 'no image has come since the start'),
     Rule('CLOCK_STANDS', W, 'use_sim_time is set, and /clock has not moved for '
-         'diagnostics.camera_timeout'),
+         'diagnostics.camera_timeout', withheld=False),
     Rule('NO_IMAGE', E, 'no image has come for diagnostics.camera_timeout'),
     Rule(Status.BAD_IMAGE, E, 'encoding, step, size or data of the image cannot be used'),
     Rule(Status.FROZEN_IMAGE, E, 'pixels repeat those of the frame before, while the motion says '
          'that the vehicle moved: the camera is frozen'),
-    Rule('REPEATED_IMAGES', W, 'three frames or more with the same pixels, and nothing says that '
+    Rule('REPEATED_IMAGES', W, 'four frames or more with the same pixels, and nothing says that '
          'the vehicle moved', withheld=False),
     Rule(Status.NO_MASK, E, 'mask.required is set, and the image has no usable mask'),
     Rule('MASK_MISSING', W, 'mask.from_topic is set, and no mask of the stamp of the image came '
@@ -86,9 +86,11 @@ CAMERA = Concern('camera', (
          withheld=False),
     Rule('MASK_REFUSED', W, 'size, encoding or data of the mask cannot be used; the same holds',
          withheld=False),
-    Rule(Status.OUT_OF_ORDER, W, 'a frame is not newer than the one before; it is skipped'),
-    Rule('TIME_WENT_BACK', W, 'the clock went back in the last 10 s (a bag in a loop): belief '
-         'and odometry begin anew', withheld=False),
+    Rule(Status.OUT_OF_ORDER, W, 'a frame is not newer than the one before it, or over a minute '
+         'ahead of it; it is skipped, and where the next one follows it, time itself has leapt'),
+    Rule('TIME_WENT_BACK', W, 'the clock, or a stamp by over a second, went back in the last '
+         '10 s (a bag in a loop); where the next frame follows, belief and odometry begin anew',
+         withheld=False),
     Rule('FUTURE_STAMPS', W, 'a stamp lies ahead of the clock by more than '
          'diagnostics.max_ahead', withheld=False),
     Rule('LATE_FRAMES', W, 'a stamp lies behind the clock by more than diagnostics.max_delay',
@@ -118,8 +120,7 @@ CALIBRATION = Concern('calibration', (
 })  # fmt: skip
 
 MAP = Concern('map', (
-    Rule(Status.NO_MAP, E, 'there is no map'),
-    Rule(Status.OFF_MAP, E, 'the search window lies off the map'),
+    Rule(Status.OFF_MAP, E, 'no place that was looked at lies on the map'),
     Rule(Status.LOW_OVERLAP, E, 'less than score.min_overlap of the view lies on known map cells'),
 ), {
     'map_cells': ('', 'columns x rows'),
@@ -182,7 +183,7 @@ MATCH = Concern('match', (
     'overdispersion': ('', 'residual beyond what noise explains; 1 is none'),
     'chi_sq': ('', 'mean weighted residual over its expected noise; honest is 1'),
     'winner_mass': ('', 'share of the posterior in the winning mode'),
-    'second_ratio': ('', 'second peak of the posterior over the first'),
+    'second_ratio': ('', 'least residual elsewhere in the window over that of the best match'),
     'entropy': ('nat', 'of the posterior over the window'),
     'sigma_ahead_m': ('m', 'standard deviation of the match along the vehicle'),
     'sigma_left_m': ('m', 'across it'),
