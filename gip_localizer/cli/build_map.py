@@ -71,7 +71,7 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Build the map, write it, print the table."""
-    from gip_localizer.cli.settings import ctrl_c
+    from gip_localizer.cli.settings import ctrl_c, recorded_parameters
     from gip_localizer.evaluation.map_drive import MappedDrive
     from gip_localizer.evaluation.map_settings import MapSettings
     from gip_localizer.evaluation.replay import Window
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     check_file(args.out, force=args.force, suffixes=('.yaml', '.yml'))
     for end in ('.png', '_noise.png'):
         check_file(args.out.with_name(args.out.stem + end), force=args.force, suffixes=('.png',))
-    parameters = _parameters(args)
+    parameters = recorded_parameters(args)
     resolution = parameters.birdseye.resolution if args.resolution is None else args.resolution
     settings = MapSettings(resolution, args.every, args.max_gap,
                            Window(args.start, args.duration))
@@ -96,16 +96,6 @@ def run(args: argparse.Namespace) -> int:
         print(f'gip: {note}', file=sys.stderr)
     _tell(drive, raster_map, args.out)
     return 0
-
-
-def _parameters(args: argparse.Namespace) -> Parameters:
-    from gip_localizer.cli.settings import parse_settings
-    from gip_localizer.parameters import load_parameter_file, Parameters
-
-    beside = (args.bag[0] if args.bag[0].is_dir() else args.bag[0].parent) / 'params.yaml'
-    path = args.params or (beside if beside.is_file() else None)
-    parameters = load_parameter_file(path) if path else Parameters()
-    return parameters.replace(parse_settings(args.settings, Parameters))
 
 
 def _poses(args: argparse.Namespace, bag: Bag,

@@ -42,18 +42,14 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure, draw, and tell the pitch that the lines ask for."""
-    from gip_localizer.cli.settings import parse_settings
+    from gip_localizer.cli.settings import recorded_parameters
     from gip_localizer.evaluation.calibration_check import check_calibration, check_picture
     from gip_localizer.io.bag_topics import choose_topics, TopicNames
     from gip_localizer.io.bags import Bag
     from gip_localizer.io.output_folder import check_file, write_whole
-    from gip_localizer.parameters import load_parameter_file, Parameters
 
     check_file(args.out, force=args.force, suffixes=PICTURES)
-    beside = (args.bag[0] if args.bag[0].is_dir() else args.bag[0].parent) / 'params.yaml'
-    path = args.params or (beside if beside.is_file() else None)
-    parameters = load_parameter_file(path) if path else Parameters()
-    parameters = parameters.replace(parse_settings(args.settings, Parameters))
+    parameters = recorded_parameters(args)
     bag = Bag(args.bag)
     topics = choose_topics(bag, TopicNames(args.image_topic, args.camera_info_topic))
     check = check_calibration(bag, topics, parameters, max(args.frames, 1))

@@ -63,7 +63,7 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replay, write the results folder, print the table."""
-    from gip_localizer.cli.settings import ctrl_c
+    from gip_localizer.cli.settings import beside, ctrl_c
     from gip_localizer.evaluation.metrics import format_table, table_rows
     from gip_localizer.evaluation.replay import Replay, Window
     from gip_localizer.evaluation.results import check_output, write_results
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
 
     check_output(args.out, args.force)
     if args.params is None:
-        args.params = _beside(args, 'params.yaml')
+        args.params = beside(args.bag, 'params.yaml')
     window = Window(args.start, args.duration)
     bag, topics, truth, notes = _open(args)
     parameters = _parameters(args, truth)
@@ -118,13 +118,6 @@ def _open(args: argparse.Namespace) -> tuple[Bag, Topics, Trajectory | None, lis
     return bag, topics, truth, notes
 
 
-def _beside(args: argparse.Namespace, name: str) -> Path | None:
-    """Return a file that `gip simulate` puts beside its bag, if it is there."""
-    folder = args.bag[0] if args.bag[0].is_dir() else args.bag[0].parent
-    path: Path = folder / name
-    return path if path.is_file() else None
-
-
 def _base_parameters(args: argparse.Namespace) -> Parameters:
     from gip_localizer.cli.settings import parse_settings
     from gip_localizer.parameters import load_parameter_file, Parameters
@@ -136,6 +129,7 @@ def _base_parameters(args: argparse.Namespace) -> Parameters:
 
 
 def _parameters(args: argparse.Namespace, truth: Trajectory | None) -> Parameters:
+    from gip_localizer.cli.settings import beside
     from gip_localizer.errors import ParameterError
 
     changes: dict[str, object] = {}
@@ -146,7 +140,7 @@ def _parameters(args: argparse.Namespace, truth: Trajectory | None) -> Parameter
         changes |= {'initial_pose.set': True, 'initial_pose.x': x, 'initial_pose.y': y,
                     'initial_pose.yaw': yaw}
     parameters = _base_parameters(args).replace(changes)
-    raster = args.map or parameters.map_file or _beside(args, 'map.yaml')
+    raster = args.map or parameters.map_file or beside(args.bag, 'map.yaml')
     if not raster:
         raise ParameterError('no map: give --map MAP.yaml, or map_file in --params')
     return parameters.replace({'map_file': str(raster)})

@@ -1,16 +1,19 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`--set NAME=VALUE`, and what Ctrl-C may interrupt: shared by the verbs."""
+"""`--set NAME=VALUE`, files beside a bag, what Ctrl-C may interrupt: shared by the verbs."""
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 import signal
 import threading
 
 from gip_localizer.errors import ParameterError
 from gip_localizer.parameter_specs import ParameterGroup
+from gip_localizer.parameters import load_parameter_file, Parameters
 
 
 def parse_settings(words: Sequence[str], tree: type[ParameterGroup]) -> dict[str, object]:
@@ -43,6 +46,20 @@ def _value(text: str, kind: type) -> object:
         except ValueError:
             return text
     return text
+
+
+def beside(bag: Sequence[Path], name: str) -> Path | None:
+    """Return a file that `gip simulate` puts beside its bag, if it is there."""
+    folder = bag[0] if bag[0].is_dir() else bag[0].parent
+    path = folder / name
+    return path if path.is_file() else None
+
+
+def recorded_parameters(args: argparse.Namespace) -> Parameters:
+    """Return the parameters of `--params`, or of the file beside `bag`, with each `--set`."""
+    path = args.params or beside(args.bag, 'params.yaml')
+    parameters = load_parameter_file(path) if path else Parameters()
+    return parameters.replace(parse_settings(args.settings, Parameters))
 
 
 @contextmanager

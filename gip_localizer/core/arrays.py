@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Array types (shapes and exact types are told by the docstrings), fast medians and products."""
+"""Array types (docstrings tell shapes and exact types), full scales, fast medians and products."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ Ints = NDArray[np.int_]
 Bools = NDArray[np.bool_]
 Grey = NDArray[Any]
 
+WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0, np.dtype(np.float32): 1.0}
+"""Full scale of grey."""
 PIECE = 4096  # columns whose products are summed at once
 
 

@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from gip_localizer.core.arrays import Bools, Floats, Grey
+from gip_localizer.core.arrays import Bools, Floats, Grey, WHITE
 from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.footprint_means import FootprintMeans
 from gip_localizer.core.footprints import (
@@ -29,7 +29,7 @@ from gip_localizer.core.footprints import (
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Birdseye
 
-FULL_SCALE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}
+LOOKED_AT = 128  # least value of a mask's pixel that is looked at
 MIN_CELLS = 20
 WHOLE = 0.99  # share of a footprint that must be unmasked
 MIN_FOOTPRINT = 0.02  # px²: smaller cells are beyond what sub-pixels resolve
@@ -111,7 +111,7 @@ class Rectifier:
 
         """
         part = image[self._box.slices]
-        patch = self._means.of(part, 1.0 / FULL_SCALE.get(image.dtype, 1.0))
+        patch = self._means.of(part, 1.0 / WHITE.get(image.dtype, 1.0))
         return View(patch.reshape(self.grid.shape), self.footprint, self.valid, self.grid)
 
     @cached_property
@@ -139,10 +139,10 @@ class Rectifier:
         Parameters
         ----------
         mask : (height, width) uint8
-            Of the camera's size; pixels below 128 are masked.
+            Of the camera's size; pixels below `LOOKED_AT` are masked.
 
         """
-        seen = (mask >= 128).astype(np.float32)
+        seen = (mask >= LOOKED_AT).astype(np.float32)
         return (self.rectify(seen).patch > WHOLE).astype(np.float32)
 
     @cached_property

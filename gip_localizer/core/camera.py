@@ -20,6 +20,7 @@ import numpy as np
 from gip_localizer.core.arrays import Bools, Floats, Grey
 from gip_localizer.core.calibration import Calibration, check_matrix, FISHEYE_MODELS
 from gip_localizer.errors import CalibrationError
+from gip_localizer.parameters import Camera
 
 OPTICAL_FROM_BODY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 HORIZON_MARGIN = 1e-3  # least depression of a ray, rad: beyond about 1000 camera heights is sky
@@ -43,6 +44,11 @@ class Extrinsics:
     roll: float = 0.0
     pitch: float = 0.0
     yaw: float = 0.0
+
+    @classmethod
+    def given(cls, camera: Camera) -> Extrinsics:
+        """Return the pose that parameters give."""
+        return cls(camera.x, camera.y, camera.z, camera.roll, camera.pitch, camera.yaw)
 
     def rotation(self) -> Floats:
         """Return R_base_optical, (3, 3): optical axes (z forward, x right) in base."""

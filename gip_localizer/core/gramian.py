@@ -16,7 +16,7 @@ import math
 import cv2
 import numpy as np
 
-from gip_localizer.core.arrays import Floats, Grey, median
+from gip_localizer.core.arrays import Floats, Grey, median, WHITE
 
 NOISE_BANDS = 12  # of three rows, spread over the image, that tell the noise
 NOISE_FLOOR = 0.25 / 255.0  # grey levels of [0, 1]: rounding to 8 bits alone gives 0.29/255
@@ -96,13 +96,12 @@ def estimate_pixel_noise(image: Grey) -> float:
         Grey levels of [0, 1], at least `NOISE_FLOOR`.
 
     """
-    scale = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}.get(image.dtype, 1.0)
     if min(image.shape) < 5:
         return NOISE_FLOOR
     mask = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]], np.float32)
     response = cv2.filter2D(_rows_of_three(image), cv2.CV_32F, mask)[1::3, 1:-1]
     # a Gaussian's median absolute value is 0.6745 σ, and the mask's gain is 6
-    sigma = median(np.abs(response)) / (0.6745 * 6.0) / scale
+    sigma = median(np.abs(response)) / (0.6745 * 6.0) / WHITE.get(image.dtype, 1.0)
     return max(sigma, NOISE_FLOOR)
 
 

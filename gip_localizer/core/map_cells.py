@@ -11,9 +11,8 @@ import cv2
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from gip_localizer.core.arrays import Bools, Floats, Grey
+from gip_localizer.core.arrays import Bools, Floats, Grey, WHITE
 
-WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0, np.dtype(np.float32): 1.0}
 SLOPE_RIGHT = np.array([[-0.5, 0.5], [-0.5, 0.5]], np.float32)
 REACH = 5  # cells to either side that a spline between cells is told from
 

@@ -19,7 +19,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from gip_localizer.core.arrays import Bools, Floats, Grey
+from gip_localizer.core.arrays import Bools, Floats, Grey, WHITE
 from gip_localizer.core.map_cells import (
     all_finite,
     averaged_noise,
@@ -30,7 +30,6 @@ from gip_localizer.core.map_cells import (
     scaled,
     slopes,
     smoothed,
-    WHITE,
 )
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.sampling import corners, Samples

@@ -95,9 +95,8 @@ def _localized_frame(
             estimate = frontend.on_compressed_image(decoded)
             frames += estimate.published
             if frames == FRAME:
-                at = parameters.camera
-                extrinsics = Extrinsics(at.x, at.y, at.z, at.roll, at.pitch, at.yaw)
-                camera = CameraModel(numbers, extrinsics)
+                held = Extrinsics.given(parameters.camera)
+                camera = CameraModel(numbers, held, rectified=parameters.camera.rectified)
                 return compressed_grey_image(decoded), camera, estimate
         elif topics.odometry is not None and message.topic == topics.odometry.name:
             frontend.on_odometry(decoded)

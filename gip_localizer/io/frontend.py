@@ -220,9 +220,10 @@ class Frontend:
     def _calibrated_camera(self) -> CameraModel:
         if self._camera is None:
             assert self._calibration is not None
-            pose = self.parameters.camera
-            extrinsics = Extrinsics(pose.x, pose.y, pose.z, pose.roll, pose.pitch, pose.yaw)
-            self._camera = CameraModel(self._calibration, extrinsics, rectified=pose.rectified)
+            held = self.parameters.camera
+            self._camera = CameraModel(
+                self._calibration, Extrinsics.given(held), rectified=held.rectified
+            )
         return self._camera
 
     def _camera_for(self, image: Grey) -> CameraModel:

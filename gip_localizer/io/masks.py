@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 
 from gip_localizer.core.arrays import Grey
+from gip_localizer.core.birdseye import LOOKED_AT
 from gip_localizer.errors import ImageError
 from gip_localizer.io.images import grey_image
 
 MASK_ENCODINGS = ('mono8', '8UC1')
-LOOKED_AT = 128
-"""Least value of a pixel that is looked at."""
 
 
 class MaskError(ImageError):

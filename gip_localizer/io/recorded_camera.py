@@ -25,9 +25,8 @@ def recorded_camera(bag: Bag, topics: Topics, parameters: Parameters) -> CameraM
         It cannot be used.
 
     """
-    at = parameters.camera
-    extrinsics = Extrinsics(at.x, at.y, at.z, at.roll, at.pitch, at.yaw)
-    return CameraModel(_calibration(bag, topics), extrinsics, rectified=at.rectified)
+    held, calibration = Extrinsics.given(parameters.camera), _calibration(bag, topics)
+    return CameraModel(calibration, held, rectified=parameters.camera.rectified)
 
 
 def _calibration(bag: Bag, topics: Topics) -> Calibration:

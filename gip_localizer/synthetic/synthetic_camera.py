@@ -71,9 +71,8 @@ class SyntheticCamera:
     ) -> None:
         self.parameters = parameters
         held = parameters.camera
-        extrinsics = Extrinsics(held.x, held.y, held.z, held.roll, held.pitch, held.yaw)
         calibration = make_calibration(parameters.lens)
-        self.camera = CameraModel(calibration, extrinsics, rectified=held.rectified)
+        self.camera = CameraModel(calibration, Extrinsics.given(held), rectified=held.rectified)
         self._renderer = Renderer(world, self.camera, exact=exact)
         self._resolution = world.resolution
         self._platoons: dict[int, list[Car]] = {}

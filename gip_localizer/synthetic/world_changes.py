@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gip_localizer.core.map_cells import WHITE
+from gip_localizer.core.arrays import WHITE
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.synthetic.asphalt import asphalt
 from gip_localizer.synthetic.canvas import Canvas, paint, rectangle
