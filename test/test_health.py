@@ -108,10 +108,22 @@ def test_stamps_far_from_the_clock_are_told_but_do_not_withhold(health, delay_s,
 def test_stamps_that_go_back_are_told_for_ten_seconds(health, steady):
     health.image_came(10 * SECOND, 10 * SECOND)
     health.image_came(3 * SECOND, 3 * SECOND)
+    assert report(health, 'camera').level is Level.OK  # a single stamp may be wrong
+    health.time_went_back(7.0)
     assert report(health, 'camera').message == 'TIME_WENT_BACK: by 7.000 s'
     steady.now += 10.5
     health.image_came(4 * SECOND, 4 * SECOND)
     assert report(health, 'camera').level is Level.OK
+
+
+def test_a_search_is_told_while_it_lasts(health, steady):
+    health.begins(search=True)
+    steady.now += 2.0
+    assert report(health, 'match').message == 'SEARCHING: for 2.0 s'
+    assert report(health, 'output').message == 'WITHHELD: SEARCHING: for 2.0 s'
+    assert report(health, 'camera').level is Level.OK  # images wait
+    health.took(Estimate(SECOND, Status.CONFIRMING, 'found'), 2000.0)
+    assert not rules(health) & {'SEARCHING', 'NO_IMAGE'}
 
 
 def test_a_clock_that_stands_is_told_under_simulated_time_only(health, steady):

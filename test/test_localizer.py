@@ -297,6 +297,42 @@ def test_time_that_jumps_back_returns_to_the_initial_pose_of_the_parameters(road
     assert again.published
 
 
+@pytest.mark.parametrize(('ahead_ms', 'count'), [
+    (600, 1), (3_000, 1), (30_000, 1), (3_600_000, 2),
+])
+def test_a_stamp_ahead_of_its_time_harms_no_later_frame(road, ahead_ms, count):
+    localizer = make(road)
+    localizer.set_prior(0, road.pose(0.1), CERTAIN)
+    stamp, step = 1000 * S, 100 * MS
+    for i in range(4):
+        image = road.frame(CAMERA, road.pose(0.1 + 0.1 * i * SPEED / road.lane.length))
+        localizer.update(stamp + i * step, image, CAMERA)
+    for i in range(4, 4 + count):
+        image = road.frame(CAMERA, road.pose(0.1 + 0.1 * i * SPEED / road.lane.length))
+        localizer.update(stamp + i * step + ahead_ms * MS, image, CAMERA)
+    start = 0.1 + 0.1 * (4 + count) * SPEED / road.lane.length
+    later = drive(road, localizer, 4, start=start, stamp_ns=stamp + (4 + count) * step)
+    assert all(estimate.published for estimate in later)
+    assert localizer.went_back == 0.0
+
+
+def test_a_prior_of_another_clock_holds_now(road, frame):
+    localizer = make(road)
+    localizer.set_prior(0, road.pose(0.4), CERTAIN)
+    localizer.update(3600 * S, frame[1], CAMERA)
+    localizer.set_prior(7 * S, frame[0], CERTAIN)
+    assert localizer.update(3600 * S + 100 * MS, frame[1], CAMERA).published
+
+
+def test_a_mask_over_all_of_the_view_is_told(road, frame):
+    localizer = make(road)
+    localizer.set_prior(0, frame[0], CERTAIN)
+    black = np.zeros((CAMERA.height, CAMERA.width), np.uint8)
+    estimate = localizer.update(S, frame[1], CAMERA, mask=black)
+    assert estimate.status is Status.LOW_CONTRAST
+    assert 'mask' in estimate.reason
+
+
 @pytest.mark.parametrize('wrong', [-1000, 0, 900, 1100, 5_700_000])  # s; the drive is at 1000
 def test_a_single_stamp_that_is_far_off_costs_one_frame_and_no_belief(road, wrong):
     localizer = make(road)

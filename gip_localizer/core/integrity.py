@@ -99,6 +99,10 @@ def judge(
     limits = parameters.integrity
     seen = match.contrast
     quality = {'contrast': seen}
+    if not match.weight.any():
+        return Verdict(Status.LOW_CONTRAST, (
+            'nothing of the view is looked at: the mask covers all of it'
+        ), None, quality)
     if seen < limits.min_contrast:
         return Verdict(Status.LOW_CONTRAST, (
             f'contrast {seen:.4f} is below integrity.min_contrast {limits.min_contrast:g}: '

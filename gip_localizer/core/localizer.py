@@ -32,7 +32,7 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.search import Found
 from gip_localizer.core.standing import Standing
-from gip_localizer.core.tracker import Belief, checked_prior, Tracker
+from gip_localizer.core.tracker import Belief, checked_prior, Known, Tracker
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Parameters
 
@@ -59,6 +59,7 @@ class Localizer:
         self.tracker = Tracker(parameters.motion)
         self.standing = Standing(parameters)
         self._order = FrameOrder()
+        self._before_hop: Known | None = None
         self._optics: Optics | None = None
         self._timings: dict[str, float] = {}
         self._start()
@@ -70,6 +71,11 @@ class Localizer:
         if pose.set:
             covariance = np.diag([pose.sigma_xy**2, pose.sigma_xy**2, pose.sigma_yaw**2])
             self.tracker.reset(Belief(NOW, Pose2(pose.x, pose.y, pose.yaw), covariance))
+
+    @property
+    def went_back(self) -> float:
+        """Seconds by which the last frame confirmed that time went back; 0: it did not."""
+        return self._order.went_back
 
     @property
     def lost(self) -> bool:
@@ -89,7 +95,8 @@ class Localizer:
         Parameters
         ----------
         stamp_ns : int
-            When it held, nanoseconds; 0: now.
+            When it held, nanoseconds; 0: now, which is also taken where it is long before the
+            last frame: its clock is not the images'.
         pose : Pose2
             Base in map.
         covariance : (3, 3) float64
@@ -101,6 +108,8 @@ class Localizer:
             NaN or a covariance that is not positive definite; the belief stays as it was.
 
         """
+        if self._order.is_long_past(stamp_ns):
+            stamp_ns = NOW
         self.tracker.reset(checked_prior(stamp_ns or NOW, pose, covariance))
         self.standing.started()
         self.standing.wanted = False
@@ -175,7 +184,11 @@ class Localizer:
         fault = self._order.fault(stamp_ns)
         if fault:
             return self._silent(stamp_ns, Status.OUT_OF_ORDER, fault)
-        if self._order.restarted:
+        if self._order.hopped:
+            self._before_hop = self.tracker.known()
+        elif self._order.returned:
+            self.tracker.recall(self._before_hop)
+        elif self._order.went_back:
             self._start()
             self.tracker.odometry.clear()
         return None

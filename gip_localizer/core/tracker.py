@@ -63,6 +63,28 @@ class Belief:
     unseen: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class Known:
+    """
+    What fixes and motion tell.
+
+    Attributes
+    ----------
+    belief : Belief or None
+        The last fix, or a prediction since.
+    velocity : Pose2 or None
+        Of the last fixes, per second, base axes.
+    last_fix, compared_since : Belief or None
+        The last fix, and the one since which odometry is compared with the fixes.
+
+    """
+
+    belief: Belief | None = None
+    velocity: Pose2 | None = None
+    last_fix: Belief | None = None
+    compared_since: Belief | None = None
+
+
 def checked_prior(stamp_ns: int, pose: Pose2, covariance: Floats) -> Belief:
     """
     Return a belief for a prior from outside.
@@ -114,6 +136,16 @@ class Tracker:
         self._last_fix: Belief | None = None
         self._compared_since: Belief | None = None
 
+    def known(self) -> Known:
+        """Return what fixes and motion tell, to be recalled."""
+        return Known(self.belief, self._velocity, self._last_fix, self._compared_since)
+
+    def recall(self, known: Known | None) -> None:
+        """Forget what was learned since."""
+        known = known or Known()
+        self.belief, self._velocity = known.belief, known.velocity
+        self._last_fix, self._compared_since = known.last_fix, known.compared_since
+
     def configure(self, motion: Motion) -> None:
         """Change the noise of the motion."""
         self._noise = motion
@@ -121,10 +153,7 @@ class Tracker:
 
     def reset(self, belief: Belief | None) -> None:
         """Start again from a belief, or from none."""
-        self.belief = belief
-        self._velocity = None
-        self._last_fix = None
-        self._compared_since = None
+        self.recall(Known(belief))
         if belief is None:
             self.trust = OdometryTrust()
 

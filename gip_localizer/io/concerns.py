@@ -158,8 +158,8 @@ ODOMETRY = Concern('odometry', (
 })  # fmt: skip
 
 MATCH = Concern('match', (
-    Rule(Status.LOW_CONTRAST, E, 'the view is flat, dark or saturated: below '
-         'integrity.min_contrast'),
+    Rule(Status.LOW_CONTRAST, E, 'the view is flat, dark or saturated (below '
+         'integrity.min_contrast), or masked altogether'),
     Rule(Status.NO_MATCH, E, 'the map does not explain the view: below '
          'integrity.min_confidence'),
     Rule(Status.AMBIGUOUS, E, 'several places explain the view: below '
@@ -169,6 +169,7 @@ MATCH = Concern('match', (
     Rule(Status.LOST, E, 'integrity.lost_after frames in a row without a fix'),
     Rule(Status.FAULT, E, 'the frame raised an error that nobody foresaw; its traceback is in the '
          'log'),
+    Rule('SEARCHING', W, 'the whole map is searched for a frame, and the frames meanwhile wait'),
     Rule('SLOW', W, 'the median execution time exceeds the time between images',
          withheld=False),
 ), {

@@ -72,6 +72,8 @@ class Health:
         Rules that hold until taken out, and of the last frame, and their details.
     overtaken : int
         Images that a newer one with its mask overtook.
+    searching : bool
+        The frame in work is searched for on the whole map.
 
     """
 
@@ -86,6 +88,7 @@ class Health:
     prediction: str = 'none'
     doubts: dict[str, str] = field(default_factory=dict)
     overtaken: int = 0
+    searching: bool = False
     frames: int = 0
     published: int = 0
     _at: dict[str, float] = field(default_factory=dict)
@@ -106,7 +109,7 @@ class Health:
     def image_came(self, stamp_ns: int, clock_ns: int) -> None:
         """Note an image: its stamp, and the clock at its arrival."""
         if self._stamps and self._stamps[-1] - stamp_ns > REWIND_NS:
-            self.time_went_back((self._stamps[-1] - stamp_ns) * 1e-9)
+            self._stamps.clear()
         self.frames += 1
         self._at['image'] = self.steady()
         self._stamps.append(stamp_ns)
@@ -125,13 +128,15 @@ class Health:
         """Note a passing fault."""
         self._events[rule] = (self.steady(), detail)
 
-    def begins(self) -> None:
-        """Note that a frame is in work: what comes meanwhile is heard after it."""
+    def begins(self, *, search: bool = False) -> None:
+        """Note that a frame is in work, maybe on the whole map: what comes is heard after it."""
         self._busy = (self.steady(), np.inf)
+        self.searching = search
 
     def took(self, estimate: Estimate, milliseconds: float) -> None:
         """Note the outcome of a frame, and how long it took."""
         self.estimate = estimate
+        self.searching = False
         self._times_ms.append(milliseconds)
         self._busy = (self.steady() - 1e-3 * milliseconds, self.steady())
         self.published += estimate.published
@@ -176,6 +181,8 @@ class Health:
             active['CAMERA_INFO_REFUSED'] = self._complaints['camera_info']
         if self.estimate is not None and self.estimate.status is not Status.TRACKING:
             active[str(self.estimate.status)] = self.estimate.reason
+        if self.searching:
+            active['SEARCHING'] = f'for {self.steady() - self._busy[0]:.1f} s'
         period = self._period_ms()
         if len(self._times_ms) == RECENT and 0.0 < period < self._percentile(50):
             active['SLOW'] = f'{self._percentile(50):.0f} ms a frame, one every {period:.0f} ms'
@@ -219,6 +226,8 @@ class Health:
             return {'DISABLED': 'images are ignored until ~/enable is called with data: true'}
         if 'NO_IMAGE' in active:
             return {'WITHHELD': f'NO_IMAGE: {active["NO_IMAGE"]}'}
+        if 'SEARCHING' in active:
+            return {'WITHHELD': f'SEARCHING: {active["SEARCHING"]}'}
         if self.estimate is None:
             return {'WAITING': ''}
         if not self.estimate.published:

@@ -133,13 +133,14 @@ class Localization:
         started = time.perf_counter()
         self._inputs.take_waiting_odometry()
         self._keeper.before(stamp)
-        self._health.begins()
+        searches = self._frontend.localizer.searches(stamp)
+        self._health.begins(search=searches)
         log = self._node.get_logger().error
         work = partial(survived, partial(localize, message), stamp, log)
         finish = partial(self._finish, started)
         if unplaced := self._unplaced(message):
             finish(unplaced)
-        elif self._frontend.localizer.searches(stamp):
+        elif searches:
             self._worker.start(work, finish)
         else:
             finish(work())
@@ -149,6 +150,8 @@ class Localization:
         if self._health.wanted:
             self._publish(estimate, elapsed_ms)
         self._health.took(estimate, elapsed_ms)
+        if seconds := self._frontend.localizer.went_back:
+            self._health.time_went_back(seconds)
         self._health.prediction = self._frontend.localizer.tracker.prediction_source
         self._health.doubts = self._frontend.doubts
         self._health.overtaken = self._inputs.overtaken
