@@ -165,6 +165,23 @@ def test_rays_beyond_the_fold_of_a_lens_are_refused():
     assert not camera.road_points(K[:2, 2] + (rim + 2.0) * ring)[1].any()
 
 
+@pytest.mark.parametrize('D', [np.zeros(0), np.zeros(4), np.zeros(5)])
+def test_an_ideal_fisheye_is_no_pinhole(D):
+    K = intrinsics(200.0, 640, 360)
+    ideal = CameraModel(Calibration(640, 360, K, D, model='equidistant'), HELD)
+    bent = np.array([1e-12, 0.0, 0.0, 0.0])
+    nearly = CameraModel(Calibration(640, 360, K, bent, model='equidistant'), HELD)
+    points = np.array([[4.0, 2.5], [3.0, -1.0], [8.0, 0.0]])
+    seen, valid = ideal.project(points)
+    assert valid.all()
+    np.testing.assert_allclose(seen, nearly.project(points)[0], atol=1e-6)
+    pinhole = CameraModel(Calibration(640, 360, K), HELD)
+    assert np.abs(seen - pinhole.project(points)[0]).max() > 5.0
+    back, on_road = ideal.road_points(seen)
+    assert on_road.all()
+    np.testing.assert_allclose(back, points, atol=1e-5)
+
+
 def test_a_fisheye_fold_is_refused():
     D = np.array([-0.3, 0.0, 0.0, 0.0])  # θ (1 - 0.3 θ²) folds at θ = 1.054
     calibration = Calibration(640, 360, intrinsics(100.0, 640, 360), D, model='equidistant')

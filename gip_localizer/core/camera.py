@@ -96,8 +96,10 @@ class CameraModel:
             check_matrix('P', calibration.P)
         intrinsics = calibration.P if rectified else calibration.K
         self.K = _delivered_intrinsics(intrinsics, calibration)
+        self.fisheye = not rectified and calibration.model in FISHEYE_MODELS
         self.D = np.zeros(0) if rectified or not np.any(calibration.D) else calibration.D
-        self.fisheye = self.D.size > 0 and calibration.model in FISHEYE_MODELS
+        if self.fisheye and self.D.size == 0:
+            self.D = np.zeros(4)  # an ideal one, which is no pinhole
         self.width, self.height = calibration.image_size
         rotation = extrinsics.rotation()
         self.R_base_camera = rotation @ calibration.R.T if rectified else rotation
