@@ -4,6 +4,9 @@
 
 from __future__ import annotations
 
+from functools import partial
+import threading
+
 import pytest
 
 pytest.importorskip('rclpy')
@@ -19,6 +22,7 @@ from gip_localizer.core.threads import WorkEndedError
 from gip_localizer.parameters import Parameters
 from gip_localizer.ros.conversions import mono8
 from gip_localizer.ros.localization import Localization
+from gip_localizer.ros.worker import Worker
 
 pytestmark = pytest.mark.ros
 
@@ -51,6 +55,20 @@ def test_a_frame_that_raises_is_told_and_the_next_one_gives_a_pose(
     assert [estimate.status for estimate in told] == [Status.FAULT, Status.TRACKING]
     assert 'ZeroDivisionError' in told[0].reason
     assert told[0].pose is None
+
+
+def test_what_came_during_a_search_is_taken_in_its_order_and_before_the_newest_image(tester):
+    worker, done, may_end = Worker(tester), [], threading.Event()
+    worker.start(may_end.wait, lambda _: done.append('search'))
+    for n in range(3):
+        worker.when_free(partial(done.append, f'odometry {n}'))
+        worker.when_free(partial(done.append, f'image {n}'), instead_of='image')
+    worker.when_free(partial(done.append, 'odometry 3'))
+    assert done == []
+    may_end.set()
+    tester.until(lambda: len(done) == 6, 'the end of the work')
+    assert done == ['search', *(f'odometry {n}' for n in range(4)), 'image 2']
+    worker.close()
 
 
 def test_an_odometry_message_that_raises_is_told_and_the_next_one_is_taken(

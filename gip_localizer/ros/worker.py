@@ -38,7 +38,8 @@ class Worker(Generic[Out]):
         self._woken = node.create_guard_condition(self._take_up)
         self._done: deque[Callable[[], Out]] = deque()
         self._then: Callable[[Out], None] | None = None
-        self._waiting: deque[tuple[str, Task]] = deque()
+        self._waiting: deque[Task] = deque()
+        self._last: dict[str, Task] = {}
 
     @property
     def busy(self) -> bool:
@@ -51,19 +52,24 @@ class Worker(Generic[Out]):
         threading.Thread(target=self._work, args=(work,)).start()
 
     def when_free(self, task: Task, *, instead_of: str = '') -> None:
-        """Do a task now, or after the work; of those that are named alike only the last."""
+        """
+        Do a task now, or after the work; of those that are named alike only the last.
+
+        Those without a name come first: a waiting image finds all that came before its turn.
+
+        """
         if not self.busy:
             task()
-            return
-        if instead_of:
-            kept = [one for one in self._waiting if one[0] != instead_of]
-            self._waiting = deque(kept)
-        self._waiting.append((instead_of, task))
+        elif instead_of:
+            self._last[instead_of] = task
+        else:
+            self._waiting.append(task)
 
     def close(self) -> None:
         """Take up nothing any more."""
         self._then = None
         self._waiting.clear()
+        self._last.clear()
         self._node.destroy_guard_condition(self._woken)
 
     def _work(self, work: Callable[[], Out]) -> None:
@@ -87,5 +93,8 @@ class Worker(Generic[Out]):
         out, then = self._done.popleft(), self._then
         self._then = None
         then(out())
-        while self._waiting and not self.busy:
-            self._waiting.popleft()[1]()
+        while (self._waiting or self._last) and not self.busy:
+            self._next()()
+
+    def _next(self) -> Task:
+        return self._waiting.popleft() if self._waiting else self._last.popitem()[1]
