@@ -142,6 +142,11 @@ BAD_YAML = {
     'no origin': (GOOD.replace('origin', 'origins'), 'no origin'),
     'zero resolution': (GOOD.replace('0.05', '0.0'), 'resolution is 0'),
     'negative resolution': (GOOD.replace('0.05', '-1'), 'resolution is -1'),
+    'resolution of nanometres': (GOOD.replace('0.05', '5e-9'), 'resolution is 5e-09'),
+    'resolution of a town': (GOOD.replace('0.05', '1e9'), r'resolution is 1e\+09; expected met'),
+    'odd mode': (GOOD + 'mode: foo\n', "mode is 'foo'; expected trinary"),
+    'number of mode': (GOOD + 'mode: 7\n', 'mode is 7'),
+    'list of modes': (GOOD + 'mode: [raw]\n', 'mode is'),
     'nan resolution': (GOOD.replace('0.05', '.nan'), "resolution holds 'nan'"),
     'infinite resolution': (GOOD.replace('0.05', '.inf'), "resolution holds 'inf'"),
     'huge resolution': (GOOD.replace('0.05', '1' + '0' * 400), "resolution holds '1000"),
@@ -156,7 +161,7 @@ BAD_YAML = {
     'negate list': (GOOD.replace('negate: 0', 'negate: [1]'), 'negate is'),
     'image number': (GOOD.replace('map.png', '7'), 'image is 7'),
     'image missing': (GOOD.replace('map.png', 'other.png'), 'does not exist'),
-    'image is a folder': (GOOD.replace('map.png', '.'), 'does not exist'),
+    'image is a folder': (GOOD.replace('map.png', '.'), 'is a folder'),
 }
 
 
@@ -175,6 +180,17 @@ def test_numbers_are_read_as_map_server_reads_them(tmp_path, number):
     raster_map = load_map(write(tmp_path, text))
     assert raster_map.resolution == 0.05
     assert raster_map.origin == Pose2(1.5, -2.0, 0.3)
+
+
+def test_a_map_that_is_transparent_all_over_is_refused(tmp_path):
+    nothing = np.dstack([GREY8] * 3 + [np.zeros_like(GREY8)])
+    with pytest.raises(MapError, match='transparent all over'):
+        load_map(write(tmp_path, pixels=nothing))
+
+
+@pytest.mark.parametrize('mode', ['trinary', 'scale', 'raw'])
+def test_the_modes_of_occupancy_are_all_the_same_to_it(tmp_path, mode):
+    np.testing.assert_array_equal(load_map(write(tmp_path, GOOD + f'mode: {mode}\n')).grey, GREY8)
 
 
 def test_a_missing_or_binary_yaml_is_refused(tmp_path):

@@ -25,6 +25,8 @@ from gip_localizer.io.map_store import Cells, stored_cells
 from gip_localizer.io.output_folder import write_whole
 
 REQUIRED = ('image', 'resolution', 'origin')
+MODES = ('trinary', 'scale', 'raw')  # of nav2: how grey becomes occupancy, which is not asked here
+FINEST, COARSEST = 1e-4, 100.0  # metres per cell: beyond are other units
 
 
 def load_map(path: Path | str) -> RasterMap:
@@ -46,14 +48,18 @@ def load_map(path: Path | str) -> RasterMap:
     Raises
     ------
     MapError
-        Missing or unreadable file, missing key, wrong type, resolution not positive.
+        Missing or unreadable file, missing key, wrong type, a resolution that no road map has, or
+        nothing but transparency.
 
     """
     path = Path(path)
     settings = _settings(path)
     resolution = _number(path, 'resolution', settings['resolution'])
-    if resolution <= 0.0:
-        raise MapError(f'map {path}: resolution is {resolution}; expected metres per cell > 0')
+    if not FINEST <= resolution <= COARSEST:
+        raise MapError(
+            f'map {path}: resolution is {resolution:g}; expected metres per cell, '
+            f'{FINEST:g} to {COARSEST:g}'
+        )
     origin = settings['origin']
     if not isinstance(origin, list) or len(origin) != 3:
         raise MapError(f'map {path}: origin is {origin!r}; expected [x, y, yaw]')
@@ -61,7 +67,11 @@ def load_map(path: Path | str) -> RasterMap:
     negate = settings.get('negate', 0)
     if negate not in (0, 1, False, True):
         raise MapError(f'map {path}: negate is {negate!r}; expected 0 or 1')
+    if settings.get('mode', MODES[0]) not in MODES:
+        raise MapError(f'map {path}: mode is {settings["mode"]!r}; expected {", ".join(MODES)}')
     grey, valid = _cells(path, settings, 'image', negate=bool(negate))
+    if valid is not None and not valid.any():
+        raise MapError(f'map {path}: its image is transparent all over; expected road to be seen')
     noise = None
     if settings.get('noise') is not None:
         noise, _ = _cells(path, settings, 'noise', negate=False)
@@ -178,11 +188,11 @@ def _settings(path: Path) -> Mapping[str, Any]:
 
 def _check_is_file(what: str, image: Path) -> None:
     try:
-        found = image.is_file()
+        found, is_folder = image.is_file(), image.is_dir()
     except OSError as error:
         raise MapError(f'{what} cannot be read ({error.strerror})') from None
     if not found:
-        raise MapError(f'{what} does not exist')
+        raise MapError(f'{what} {"is a folder" if is_folder else "does not exist"}')
 
 
 def _number(path: Path, key: str, value: object) -> float:
