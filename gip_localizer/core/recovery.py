@@ -34,6 +34,7 @@ from gip_localizer.parameters import Parameters
 HEADINGS_AT_ONCE = 12  # bounds the memory
 MAX_CELLS = 400_000  # coarse map cells; a larger map is searched on larger cells
 CANDIDATES = 12
+SAME_PLACE = 0.2  # m between fits of one place
 LOCAL_COVARIANCE = np.eye(3)  # m^2, rad^2: local searches hardly use the coarse pose as a prior
 
 
@@ -76,10 +77,9 @@ def global_search(
         searched(place.pose) for place, alike in zip(places, likeness, strict=True)
         if alike >= RIVAL_SHARE * max(likeness)
     ]
-    found = [f for f in searches if f is not None]
+    found = _one_each([f for f in searches if f is not None])
     if not found:
         return None
-    found.sort(key=_merit, reverse=True)
     found[0] = around_winner(found[0], searched) or found[0]
     found.sort(key=_merit, reverse=True)  # a look around may find less than another place has
     return _with_rivals(found, independent_cells(weight))
@@ -87,6 +87,21 @@ def global_search(
 
 def _merit(found: Found) -> float:
     return found.fits[0].merit
+
+
+def _one_each(searches: list[Found]) -> list[Found]:
+    """Of searches that end at one place, leave the one that looked around it; best first."""
+    kept: list[Found] = []
+    for found in sorted(searches, key=lambda search: search.beyond):
+        if all(_distance(found, other) > SAME_PLACE for other in kept):
+            kept.append(found)
+    return sorted(kept, key=_merit, reverse=True)
+
+
+def _distance(found: Found, other: Found) -> float:
+    """Metres between the best fits of two searches."""
+    a, b = found.fits[0].pose, other.fits[0].pose
+    return math.hypot(a.x - b.x, a.y - b.y)
 
 
 def _likeness(scores: Scores) -> float:
@@ -156,10 +171,7 @@ def _with_rivals(found: list[Found], cells: float) -> Found:
     """Return the best local search, its winner's mass weighed against the other places."""
     best = found[0]
     winner = best.fits[0]
-    rivals = [
-        f.fits[0] for f in found[1:]
-        if math.hypot(f.fits[0].pose.x - winner.pose.x, f.fits[0].pose.y - winner.pose.y) > 0.2
-    ]
+    rivals = [f.fits[0] for f in found[1:] if _distance(f, best) > SAME_PLACE]
     evidence = [
         math.exp(max(-0.5 * cells * math.expm1(2.0 * (winner.merit - f.merit)), -700.0))
         for f in rivals

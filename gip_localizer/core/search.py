@@ -11,7 +11,7 @@ continuous refinement on the full view then gives the pose.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
@@ -67,6 +67,10 @@ class Found:
     surface: Surface | None
     fits: list[Fit]
 
+    def beside(self, fits: list[Fit]) -> Found:
+        """Return it with what was found by another look, its rivals too."""
+        return replace(self, fits=sorted([*self.fits, *fits], key=lambda fit: -fit.merit))
+
     @property
     def beyond(self) -> float:
         """How far the best fit lies outside the window, metres; negative inside."""
@@ -84,10 +88,16 @@ class Found:
 def around_winner(
     found: Found | None, search: Callable[[Pose2], Found | None]
 ) -> Found | None:
-    """Return a search, or one more with all that is around its best fit if that lies beyond."""
+    """
+    Return a search, or one more with all that is around its best fit if that lies beyond.
+
+    What the first one found is kept beside: on repeated ground the equal places lie in it.
+
+    """
     if found is None or not found.lies_beyond:
         return found
-    return search(found.fits[0].pose)
+    again = search(found.fits[0].pose)
+    return again.beside(found.fits) if again is not None and again.fits else again
 
 
 def coarse_factor(resolution: float, cell: float) -> int:
