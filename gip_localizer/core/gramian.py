@@ -19,6 +19,7 @@ import numpy as np
 from gip_localizer.core.arrays import Floats, Grey, median, WHITE
 
 NOISE_BANDS = 12  # of three rows, spread over the image, that tell the noise
+LEAST_SHARE = 2.0  # times its contrast that a view may show of the map's
 NOISE_FLOOR = 0.25 / 255.0  # grey levels of [0, 1]: rounding to 8 bits alone gives 0.29/255
 
 
@@ -76,6 +77,34 @@ def gramian(footprint: Floats, *, pixel_noise: float, map_noise: float) -> Float
     noise = max(pixel_noise, NOISE_FLOOR) ** 2
     weights: Floats = (footprint / (noise + map_noise**2 * footprint)).astype(np.float32)
     return weights
+
+
+def most_gain(
+    patch: Floats, footprint: Floats, *, pixel_noise: float, map_contrast: float
+) -> float:
+    """
+    Largest gain (contrast of the image over that of the map, at most 1) that a view may have.
+
+    A part of the road may have less contrast than the map altogether, a half at least; shadows
+    and cars add to it.
+
+    Parameters
+    ----------
+    patch, footprint : (...) float32
+        The view, and Ã, px²; 0 where nothing is seen.
+    pixel_noise : float
+        Standard deviation of a pixel, grey levels of [0, 1].
+    map_contrast : float
+        Standard deviation of the map's grey.
+
+    """
+    total = float(footprint.sum(dtype=np.float64))
+    if total <= 0.0 or map_contrast <= 0.0:
+        return 1.0
+    mean = np.float32(float((footprint * patch).sum(dtype=np.float64)) / total)
+    spread = float((footprint * (patch - mean) ** 2).sum(dtype=np.float64)) / total
+    noise = pixel_noise**2 * np.count_nonzero(footprint) / total
+    return min(LEAST_SHARE * math.sqrt(max(spread - noise, 0.0)) / map_contrast, 1.0)
 
 
 def estimate_pixel_noise(image: Grey) -> float:

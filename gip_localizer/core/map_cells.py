@@ -14,6 +14,7 @@ from scipy.interpolate import CubicSpline
 from gip_localizer.core.arrays import Bools, Floats, Grey, WHITE
 
 SLOPE_RIGHT = np.array([[-0.5, 0.5], [-0.5, 0.5]], np.float32)
+SAMPLED = 100_000  # cells that tell how much contrast a map has
 REACH = 5  # cells to either side that a spline between cells is told from
 
 
@@ -47,6 +48,15 @@ def joined(values: Floats, valid: Bools | None, step: int) -> tuple[Floats, Bool
         return means, None
     share = cv2.resize(valid.astype(np.float32), size, interpolation=cv2.INTER_AREA)
     return means, share > 0.999
+
+
+def contrast(grey: Grey, valid: Bools | None) -> float:
+    """Standard deviation of the grey ([0, 1]) of known cells, from about `SAMPLED` of them."""
+    step = max(int(math.sqrt(grey.size / SAMPLED)), 1)
+    values = scaled(grey[::step, ::step])
+    if valid is not None:
+        values = values[valid[::step, ::step]]
+    return float(values.std()) if values.size else 0.0
 
 
 def averaged_noise(noise: Grey, step: int, ratio: float) -> Floats:

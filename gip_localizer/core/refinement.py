@@ -194,7 +194,7 @@ def _fit(
     converged: bool,
 ) -> Fit:
     weight = float(layer.weights.sum(dtype=np.float64))
-    known = float(problem.all_weights.sum())
+    known = float(layer.weights[problem.all_weights > 0.0].sum(dtype=np.float64))
     return Fit(
         pose=state.pose,
         covariance=covariance,
