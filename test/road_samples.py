@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gip_localizer.core.camera import CameraModel
@@ -20,12 +22,22 @@ PARAMETERS = Parameters.from_dict({
 
 
 class Road:
-    """The world, its map with cells twice as large, and rendered frames."""
+    """
+    The world, its map with cells twice as large, and rendered frames.
 
-    def __init__(self) -> None:
+    With a period (m) the ground repeats itself along both axes of the map.
+
+    """
+
+    def __init__(self, period: float = 0.0) -> None:
         world = road_world(seed=3, size=(40.0, 30.0), origin=ORIGIN)
         self.raster, self.lane = world.raster, world.lane
-        self.map = map_of(world.raster, 2)
+        if period:
+            n, (rows, cols) = round(period / self.raster.resolution), self.raster.grey.shape
+            tile = self.raster.grey[400 : 400 + n, 400 : 400 + n]
+            grey = np.tile(tile, (rows // n + 1, cols // n + 1))[:rows, :cols]
+            self.raster = replace(self.raster, grey=np.ascontiguousarray(grey))
+        self.map = map_of(self.raster, 2)
         self._renderers: dict[object, Renderer] = {}
 
     def pose(self, share: float) -> Pose2:

@@ -16,6 +16,7 @@ from gip_localizer.core.camera import Extrinsics
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.integrity import judge
 from gip_localizer.core.localizer import Localizer
+from gip_localizer.core.map_cells import scaled
 from gip_localizer.core.odometry import OdometrySample
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.raster_map import RasterMap
@@ -324,6 +325,62 @@ def test_a_prior_of_another_clock_holds_now(road, frame):
     assert localizer.update(3600 * S + 100 * MS, frame[1], CAMERA).published
 
 
+@pytest.mark.parametrize(('change', 'words'), [
+    (lambda image: image[::2, ::2], 'shape (180, 320)'),
+    (lambda image: np.dstack([image] * 3), 'shape (360, 640, 3)'),
+    (lambda image: np.full(image.shape, np.nan, np.float32), 'NaN'),
+])
+def test_an_image_that_is_none_of_the_camera_is_told_and_harms_nothing(road, frame, change, words):
+    localizer = make(road)
+    localizer.set_prior(0, frame[0], CERTAIN)
+    estimate = localizer.update(S, change(frame[1]), CAMERA)
+    assert estimate.status is Status.BAD_IMAGE
+    assert words in estimate.reason
+    estimate = localizer.update(S, frame[1], CAMERA, mask=np.ones((10, 10), np.uint8))
+    assert 'the mask has shape (10, 10)' in estimate.reason
+    seen = np.ones(frame[1].shape, bool)
+    assert localizer.update(S, frame[1], CAMERA, mask=seen).published
+
+
+@pytest.mark.parametrize('sigma', [0.02, 0.05])
+def test_a_map_that_tells_its_noise_is_known_all_the_same(road, frame, sigma):
+    noise = np.full(road.map.grey.shape, sigma, np.float32)
+    off = np.random.default_rng(1).normal(0.0, sigma, noise.shape).astype(np.float32)
+    noisy = replace(road.map, grey=np.clip(scaled(road.map.grey) + off, 0.0, 1.0), noise=noise)
+    localizer = Localizer(noisy, make(road).parameters)
+    localizer.set_prior(0, frame[0], CERTAIN)
+    estimate = localizer.update(S, frame[1], CAMERA)
+    check(estimate, frame[0])
+    assert estimate.published
+    assert estimate.match.fit.overlap == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_dim_night_is_no_flat_frame(road):
+    """At the first frame nothing tells the gain; taken for that of a day, the map is all noise."""
+    localizer, pose = make(road), road.pose(0.1)
+    bright = road.frame(CAMERA, pose).astype(float)
+    rng = np.random.default_rng(3)
+    dim = 0.03 * bright + 6.0 + rng.normal(0.0, 0.7, bright.shape)
+    image = np.clip(np.round(dim), 0, 255).astype(np.uint8)
+    localizer.set_prior(0, pose @ Pose2(0.1, -0.1, 0.01), CERTAIN)
+    estimate = localizer.update(S, image, CAMERA)
+    check(estimate, pose)
+    assert estimate.published
+
+
+@pytest.mark.parametrize('period', [0.9, 1.2])
+def test_equal_places_in_the_window_stay_rivals_of_one_beyond_it(period):
+    """The best of the equal places may lie a few centimetres outside the window."""
+    repeated = Road(period)
+    localizer, pose = make(repeated), repeated.pose(0.1)
+    rng, image = np.random.default_rng(5), repeated.frame(CAMERA, repeated.pose(0.1))
+    for i in range(12):
+        start = pose @ Pose2(*(rng.uniform(-1.0, 1.0, 3) * [0.5, 0.5, 0.03]).tolist())
+        localizer.set_prior(0, start, VAGUE)
+        estimate = localizer.update((i + 1) * S, image, CAMERA)
+        check(estimate, pose)
+
+
 def test_a_mask_over_all_of_the_view_is_told(road, frame):
     localizer = make(road)
     localizer.set_prior(0, frame[0], CERTAIN)
@@ -437,7 +494,7 @@ def test_the_best_place_of_the_map_wins_though_a_look_around_the_first_finds_les
 ):
     def elsewhere(found, searched):
         pose = found.fits[0].pose
-        return searched(Pose2(pose.x + 2.0, pose.y, pose.yaw))
+        return searched(Pose2(pose.x + 2.0, pose.y, pose.yaw)).beside(found.fits)
 
     places = recovery.coarse_places
     monkeypatch.setattr(recovery, 'coarse_places', lambda *a: 2 * places(*a)[:1])

@@ -138,11 +138,11 @@ class Rectifier:
 
         Parameters
         ----------
-        mask : (height, width) uint8
-            Of the camera's size; pixels below `LOOKED_AT` are masked.
+        mask : (height, width) uint8 or bool
+            Of the camera's size; pixels below `LOOKED_AT`, or False, are masked.
 
         """
-        seen = (mask >= LOOKED_AT).astype(np.float32)
+        seen = (mask if mask.dtype == bool else mask >= LOOKED_AT).astype(np.float32)
         return (self.rectify(seen).patch > WHOLE).astype(np.float32)
 
     @cached_property

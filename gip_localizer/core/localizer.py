@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 import time
 
 import numpy as np
@@ -23,8 +23,9 @@ from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.estimate import Estimate, Match, Status
 from gip_localizer.core.frame_order import FrameOrder
 from gip_localizer.core.frame_search import FrameSearch
-from gip_localizer.core.gramian import estimate_pixel_noise, gramian
+from gip_localizer.core.gramian import estimate_pixel_noise, gramian, most_gain
 from gip_localizer.core.integrity import judge, Verdict
+from gip_localizer.core.map_cells import contrast
 from gip_localizer.core.map_crops import MapCrops
 from gip_localizer.core.odometry import OdometrySample
 from gip_localizer.core.optics import Optics
@@ -60,6 +61,7 @@ class Localizer:
         self.standing = Standing(parameters)
         self._order = FrameOrder()
         self._before_hop: Known | None = None
+        self._gain = 1.0  # of the frame
         self._optics: Optics | None = None
         self._timings: dict[str, float] = {}
         self._start()
@@ -115,7 +117,7 @@ class Localizer:
         self.standing.wanted = False
         self._order = FrameOrder()
         if self._optics is not None:
-            self._optics.gain = 1.0
+            self._optics.gain = None
 
     def prepare(self, camera: CameraModel) -> None:
         """Precompute what a camera needs before its first frame, which tells what is wrong."""
@@ -147,7 +149,7 @@ class Localizer:
             Grey image of the camera's size.
         camera : CameraModel
             Calibrated camera.
-        mask : (height, width) uint8 or None
+        mask : (height, width) uint8, bool or None
             Pixels below half of full scale are not looked at (the bonnet, other cars).
 
         Returns
@@ -157,7 +159,10 @@ class Localizer:
 
         """
         self._timings = {}
-        refused = self._out_of_order(stamp_ns) or self._prepare(stamp_ns, camera)
+        refused = (
+            self._unusable(stamp_ns, image, camera, mask) or self._out_of_order(stamp_ns)
+            or self._prepare(stamp_ns, camera)
+        )
         if refused is not None:
             return refused
         prior = self._prior(stamp_ns)
@@ -179,6 +184,19 @@ class Localizer:
 
         with self._stage('posterior'):  # 4 belief, or silence
             return self._conclude(stamp_ns, match, found, verdict, prior)
+
+    def _unusable(
+        self, stamp_ns: int, image: Grey, camera: CameraModel, mask: Grey | None
+    ) -> Estimate | None:
+        size = (camera.height, camera.width)
+        for name, pixels in (('image', image), ('mask', mask)):
+            if pixels is not None and pixels.shape != size:
+                return self._silent(stamp_ns, Status.BAD_IMAGE, (
+                    f'the {name} has shape {pixels.shape}; expected grey of the camera\'s {size}'
+                ))
+        if image.dtype.kind == 'f' and not np.isfinite(image).all():
+            return self._silent(stamp_ns, Status.BAD_IMAGE, 'the image holds NaN or infinity')
+        return None
 
     def _out_of_order(self, stamp_ns: int) -> Estimate | None:
         fault = self._order.fault(stamp_ns)
@@ -217,6 +235,9 @@ class Localizer:
     def _weigh(self, view: View, image: Grey) -> Floats:
         score = self.parameters.score
         noise = score.pixel_noise or estimate_pixel_noise(image)
+        self._gain = self._optics_now.gain or most_gain(
+            view.patch, view.footprint, pixel_noise=noise, map_contrast=self._map_contrast
+        )
         weight = gramian(view.footprint, pixel_noise=noise, map_noise=self._map_noise)
         if score.metric.startswith('euclidean'):
             return view.valid * weight[view.valid].mean()
@@ -245,11 +266,15 @@ class Localizer:
         found = search.about(prior, fresh=self.standing.fresh)
         return found, judged(found)
 
+    @cached_property
+    def _map_contrast(self) -> float:
+        return contrast(self.raster_map.grey, self.raster_map.valid)
+
     @property
     def _map_noise(self) -> float:
         """Standard deviation of the map in the view's grey levels."""
         score = self.parameters.score
-        return score.map_noise * (self._optics_now.gain if score.normalized else 1.0)
+        return score.map_noise * (self._gain if score.normalized else 1.0)
 
     def _waiting(self, stamp_ns: int) -> Estimate:
         if self.standing.wanted:

@@ -96,7 +96,11 @@ def checked_prior(stamp_ns: int, pose: Pose2, covariance: Floats) -> Belief:
 
     """
     covariance = np.asarray(covariance, float)
-    if not pose.is_finite() or covariance.shape != (3, 3) or not np.isfinite(covariance).all():
+    if covariance.shape != (3, 3):
+        raise PriorError(
+            f'prior covariance has shape {covariance.shape}; expected (3, 3): x, y, yaw'
+        )
+    if not pose.is_finite() or not np.isfinite(covariance).all():
         raise PriorError('prior holds NaN or infinity; expected finite x, y, yaw and covariance')
     if np.abs(covariance).max() > VAGUEST:
         raise PriorError(
