@@ -71,8 +71,9 @@ def edge_share(residual: Floats, weights: Floats, changes: Floats) -> float:
         `PixelSteps.changes`, in grey levels of the view.
 
     """
-    telling = changes * weights > TELLING
-    if np.count_nonzero(telling) < OFTEN:
+    telling = np.flatnonzero(changes * weights > TELLING)
+    if len(telling) < OFTEN:
         return 0.0
-    beyond = np.maximum(residual[telling] ** 2 - 1.0 / weights[telling], 0.0)
-    return min(median(beyond / changes[telling]) / CHI_SQ_MEDIAN, MOST_SHARE)
+    told, variance = changes.take(telling), 1.0 / weights.take(telling)
+    beyond = np.maximum(residual.take(telling) ** 2 - variance, 0.0)
+    return min(median(beyond / told) / CHI_SQ_MEDIAN, MOST_SHARE)

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 
-import cv2
 import numpy as np
 
 from gip_localizer.core.arrays import Floats, Grey, median, WHITE
@@ -127,16 +126,25 @@ def estimate_pixel_noise(image: Grey) -> float:
     """
     if min(image.shape) < 5:
         return NOISE_FLOOR
-    mask = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]], np.float32)
-    response = cv2.filter2D(_rows_of_three(image), cv2.CV_32F, mask)[1::3, 1:-1]
+    above, middle, below = _bands(image)
+    down = above - 2 * middle + below
+    response = np.abs(down[:, :-2] - 2 * down[:, 1:-1] + down[:, 2:])
+    usual = _integer_median(response) if image.dtype == np.uint8 else median(response)
     # a Gaussian's median absolute value is 0.6745 σ, and the mask's gain is 6
-    sigma = median(np.abs(response)) / (0.6745 * 6.0) / WHITE.get(image.dtype, 1.0)
+    sigma = usual / (0.6745 * 6.0) / WHITE.get(image.dtype, 1.0)
     return max(sigma, NOISE_FLOOR)
 
 
-def _rows_of_three(image: Grey) -> Floats:
-    """Return bands of three neighbouring rows, about `NOISE_BANDS` of them, as float32."""
-    rows = np.arange(0, image.shape[0] - 2, max(image.shape[0] // NOISE_BANDS, 3))
-    return np.ascontiguousarray(
-        image[(rows[:, None] + np.arange(3)).ravel()].astype(np.float32)
-    )
+def _bands(image: Grey) -> tuple[Grey, Grey, Grey]:
+    """Return three neighbouring rows of about `NOISE_BANDS` bands, (bands, w) int16 or float32."""
+    step = max(image.shape[0] // NOISE_BANDS, 3)
+    kind = np.int16 if image.dtype == np.uint8 else np.float32
+    last = image.shape[0] - 2
+    above, middle, below = (image[k : last + k : step].astype(kind) for k in range(3))
+    return above, middle, below
+
+
+def _integer_median(values: Grey) -> float:
+    """Upper median of integers from 0 on, as `median` gives it, by counting them."""
+    counts = np.cumsum(np.bincount(values.ravel()))
+    return float(np.searchsorted(counts, values.size // 2, side='right'))

@@ -60,7 +60,8 @@ class Surface:
 
 def independent_cells(weight: Floats) -> float:
     """Effective number of independent cells under the weights, at least 1."""
-    total, squares = float(weight.sum(dtype=np.float64)), float((weight.astype(float) ** 2).sum())
+    flat = weight.ravel()
+    total, squares = float(flat.sum(dtype=np.float64)), float(flat @ flat)
     return max(total**2 / max(squares, 1e-30) / CELLS_PER_INDEPENDENT, 1.0)
 
 
