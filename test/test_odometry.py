@@ -96,10 +96,23 @@ def test_stamps_that_step_back_a_little_are_refused(back_ns):
 def test_a_restart_of_the_clock_starts_afresh():
     buffer = OdometryBuffer(Motion())
     assert buffer.add(OdometrySample(100 * S, Pose2(50.0, 0.0, 0.0)))
-    assert buffer.add(OdometrySample(0, Pose2(0.0, 0.0, 0.0)))
+    assert not buffer.add(OdometrySample(0, Pose2(0.0, 0.0, 0.0)))
+    assert 'leaps by -100.000 s' in buffer.complaint
     assert buffer.add(OdometrySample(100 * MS, Pose2(0.5, 0.0, 0.0)))
     assert buffer.motion(0, 100 * MS) == pytest.approx((0.5, 0.0, 0.0))
     assert buffer.motion(0, 100 * S) is None
+
+
+@pytest.mark.parametrize('back_s', [3, 3600, 66 * 86400])
+def test_single_stamps_of_long_ago_are_told_and_cost_nothing(back_s):
+    buffer = driven()
+    for n in range(3):
+        last = buffer.latest.stamp_ns
+        assert not buffer.add(OdometrySample(last - back_s * S, Pose2(0.0, 0.0, 0.0)))
+        assert f'leaps by -{back_s}.000 s' in buffer.complaint
+        assert buffer.add(OdometrySample(last + 20 * MS, on_circle(1e-9 * last + 0.02)))
+        assert buffer.motion(last - 200 * MS, last) is not None, n
+    assert buffer.refused == 3
 
 
 def test_a_jump_is_told_and_no_motion_leads_across_it():

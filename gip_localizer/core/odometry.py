@@ -14,7 +14,7 @@ from gip_localizer.parameters import Motion
 
 KEPT_NS = 20_000_000_000  # odometry older than this before the newest is dropped
 MAX_TURN = 50.0  # rad/s, beyond any vehicle
-LEAP_S = 20.0  # a step ahead by more than this must be confirmed by the next sample
+LEAP_S = 20.0  # a step ahead by more, or back by REWIND_NS, must be confirmed by the next sample
 
 
 @dataclass(frozen=True)
@@ -99,13 +99,16 @@ class OdometryBuffer:
         if self.latest is None:
             return ''
         ahead = (sample.stamp_ns - self.latest.stamp_ns) * 1e-9
-        if ahead <= 0.0:
-            return self._backward(-ahead)
-        if ahead > LEAP_S and not self._follows_leap(sample):
-            return (
-                f'odometry stamp leaps ahead by {ahead:.3f} s; it is taken if the next one '
-                'follows it'
-            )
+        if not -REWIND_NS * 1e-9 <= ahead <= LEAP_S:
+            if not self._follows_leap(sample):
+                return (
+                    f'odometry stamp leaps by {ahead:+.3f} s; it is taken if the next one '
+                    'follows it'
+                )
+        elif ahead == 0.0:
+            return 'odometry repeats the stamp of the last one'
+        elif ahead < 0.0:
+            return f'odometry stamp is {-ahead:.3f} s before the last one'
         self._leapt = None
         return self._jump(sample, self.latest)
 
@@ -117,14 +120,6 @@ class OdometryBuffer:
             self._samples.append(sample)
             return f'odometry jumped {moved:.2f} m in {elapsed:.3f} s'
         return ''
-
-    def _backward(self, seconds: float) -> str:
-        if seconds > REWIND_NS * 1e-9:
-            self.clear()
-            return ''
-        if seconds == 0.0:
-            return 'odometry repeats the stamp of the last one'
-        return f'odometry stamp is {seconds:.3f} s before the last one'
 
     def _follows_leap(self, sample: OdometrySample) -> bool:
         """Tell whether a leap in time is confirmed; all before it is forgotten then."""
