@@ -107,7 +107,8 @@ def test_a_run_without_readable_parameters_stands_beside_others(runs, tmp_path, 
 
 
 @pytest.mark.parametrize('verb', ['replay', 'compare', 'map', 'check-calibration'])
-def test_a_name_that_no_file_can_have_is_told(verb, capsys):
+def test_a_name_that_no_file_can_have_is_told(verb, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # where no results of an earlier run are in the way
     assert main([verb, 'a' * 3000]) == 1
     error = capsys.readouterr().err
     assert 'File name too long' in error
