@@ -9,6 +9,9 @@ minimum of the exact score. That it is the least of all is measured (`gip bench`
 bound from joined cells lets go of the energy inside them, which is most of the noise. Where the
 best of the joined cells does not stand out from the noise, all candidates are scored.
 
+For callers that need the winner alone: the localizer reads its posterior off the whole surface,
+and scores that on joined cells (`search`).
+
 """
 
 from __future__ import annotations
