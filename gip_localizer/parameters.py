@@ -143,14 +143,15 @@ class Integrity:
     """When a match is not believed."""
 
     min_confidence: float = p(
-        0.95, 'Least probability that a match is at the right place.', low=0.0, high=1.0
+        0.9, 'Least probability that a match is at the right place.', low=0.0, high=1.0
     )
     min_confidence_tracking: float = p(
         0.35, 'The same for a match where earlier fixes and the motion expect it.', low=0.0,
         high=1.0,
     )
     min_winner_mass: float = p(
-        0.9, 'Least share of the posterior that the winning mode must hold.', low=0.0, high=1.0
+        0.9, 'Least share of the posterior that the winning mode must hold, unless it is far '
+        'ahead.', low=0.0, high=1.0,
     )
     min_contrast: float = p(
         0.002, 'Least weighted standard deviation of the view, grey levels of [0, 1].', low=0.0,

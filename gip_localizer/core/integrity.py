@@ -33,6 +33,8 @@ CONFIDENCE_OFFSET = 6.1
 CONFIDENCE_LEAD = 3.3  # per natural logarithm of the lead over the best other place
 CONFIDENCE_SIGNIFICANCE = 3.4  # per natural logarithm
 LEAST_LEAD = 0.01
+FIRST_LEAD = 0.384  # that a match which no earlier fix vouches for must have
+FAR_AHEAD = 1.0  # lead from which the lattice is not asked, which is blind between its cells
 SIGNIFICANT = 20.0  # standard deviations of chance correlation, beyond which they tell no more
 MOST_OVERDISPERSION = 4.5  # from which the parts of the view contradict each other
 VAGUE = (1.2, 0.3)  # overdispersion, cells of standard deviation: no right match exceeds both
@@ -205,11 +207,16 @@ def _decide(
             f'(lead over other places {quality["lead"]:.2f}, correlation of the view '
             f'{quality["lattice_correlation"]:.2f}, {fit.agreement:.0%} of the road agrees)'
         )
+    if not expected and quality['lead'] < FIRST_LEAD:
+        return Status.NO_MATCH, (
+            f'a first match must be farther ahead of other places: lead {quality["lead"]:.2f}, '
+            f'limit {FIRST_LEAD:g}'
+        )
     if fit.overlap < parameters.score.min_overlap:
         return Status.LOW_OVERLAP, (
             f'only {fit.overlap:.0%} of the view lies on known map cells'
         )
-    if quality['winner_mass'] < limits.min_winner_mass:
+    if quality['winner_mass'] < limits.min_winner_mass and quality['lead'] < FAR_AHEAD:
         return Status.AMBIGUOUS, (
             f'the best mode holds {quality["winner_mass"]:.0%} of the probability, below '
             f'integrity.min_winner_mass {limits.min_winner_mass:.0%}'

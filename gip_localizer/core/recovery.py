@@ -168,7 +168,7 @@ def _reach(grid: Grid) -> float:
 
 
 def _with_rivals(found: list[Found], cells: float) -> Found:
-    """Return the best local search, its winner's mass weighed against the other places."""
+    """Return the best local search beside the other places, its winner's mass less theirs."""
     best = found[0]
     winner = best.fits[0]
     rivals = [f.fits[0] for f in found[1:] if _distance(f, best) > SAME_PLACE]
@@ -179,4 +179,4 @@ def _with_rivals(found: list[Found], cells: float) -> Found:
     mass = 1.0 / (1.0 + sum(evidence))
     assert best.surface is not None
     surface = replace(best.surface, winner_mass=best.surface.winner_mass * mass)
-    return replace(best, surface=surface)
+    return replace(best.beside(rivals), surface=surface)
