@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Nodes that are started as children end with their parent, whatever ends it."""
 
+from importlib import import_module
+import re
 import signal
 import subprocess
 import sys
@@ -20,6 +22,7 @@ from std_msgs.msg import Float64
 
 from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import GipError
+from gip_localizer.evaluation.parameter_pages import tree_of
 from gip_localizer.io.map_files import save_map
 from gip_localizer.ros.processes import NodeProcesses
 
@@ -46,6 +49,18 @@ def gone(pid):
             return True
         time.sleep(0.05)
     return False
+
+
+@pytest.mark.parametrize('node', ['localizer', 'bag_player', 'synthetic_camera'])
+def test_nodes_answer_help_by_example(node, capsys):
+    module = import_module(f'gip_localizer.ros.{node}_node')
+    assert module.main(['--help']) == 0
+    said = capsys.readouterr().out
+    assert said.startswith(f'usage: {node} [--ros-args')
+    names = {spec.name for spec in tree_of(node).specs()}
+    shown = re.findall(r'-p (\S+):=[^.\s]', said)
+    assert names.issuperset(set(shown) - {'NAME'})
+    assert len(shown) > 1
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGKILL])

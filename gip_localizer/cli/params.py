@@ -22,7 +22,7 @@ def add_parser(verbs: Any) -> None:
     """Add the verb to the parser of `gip`."""
     parser = verbs.add_parser('params', help='all parameters, with defaults, ranges and units')
     parser.add_argument(
-        '--node', choices=('localizer', 'synthetic_camera'), default='localizer',
+        '--node', choices=('localizer', 'synthetic_camera', 'bag_player'), default='localizer',
         help='whose parameters (default: localizer)',
     )
     form = parser.add_mutually_exclusive_group()

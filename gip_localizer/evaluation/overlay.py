@@ -189,7 +189,7 @@ def _text(estimate: Estimate) -> list[str]:
         x, y, yaw = estimate.pose
         sigma = math.sqrt(max(estimate.covariance[0, 0], estimate.covariance[1, 1]))
         lines.append(f'x {x:.3f}  y {y:.3f} m  yaw {math.degrees(yaw):.2f} deg  '
-                     f'sigma {1e3 * sigma:.0f} mm')
+                     f'sigma {1e3 * sigma:.1f} mm')
     else:
         lines.append(estimate.reason)
     figures = [(name, estimate.quality[name]) for name in ('confidence', 'correlation', 'overlap')

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from gip_localizer.io.bag_player_parameters import BagPlayerParameters
 from gip_localizer.parameter_specs import dump_ros_yaml, ParameterGroup, Spec, Value
 from gip_localizer.parameters import Parameters
 from gip_localizer.synthetic.publishing import CameraNodeParameters
@@ -11,6 +12,7 @@ from gip_localizer.synthetic.publishing import CameraNodeParameters
 TREES: dict[str, type[ParameterGroup]] = {
     'localizer': Parameters,
     'synthetic_camera': CameraNodeParameters,
+    'bag_player': BagPlayerParameters,
 }
 
 
@@ -52,7 +54,9 @@ def _meaning(spec: Spec) -> str:
 def _code(value: Value) -> str:
     if isinstance(value, bool):
         return f'`{str(value).lower()}`'
-    return f'`{value:.6g}`' if isinstance(value, float) else f'`{value or repr("")}`'
+    if isinstance(value, float):
+        return f'`{value:.6g}`'
+    return f'`{value!r}`' if value == '' else f'`{value}`'
 
 
 def _range(spec: Spec) -> str:

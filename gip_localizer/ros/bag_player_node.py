@@ -36,6 +36,7 @@ TICK = 0.002
 CLOCK_STEP_NS = 10_000_000
 """Largest step of `/clock`, bag time."""
 LATCHED = ('/tf_static',)
+EXAMPLE = '-p bag:=bags/demo -p wait_for:=/image/compressed,/odom'
 
 
 class BagPlayerNode(Node):
@@ -173,7 +174,7 @@ def main(args: Sequence[str] | None = None) -> int:
     """Run the node; the exit code is 0 after the end of the bag or an orderly stop."""
     # Fast DDS reads this when the node joins the graph: large images need it.
     os.environ.update(image_environment())
-    return run_node(BagPlayerNode, 'bag_player', args)
+    return run_node(BagPlayerNode, 'bag_player', args, example=EXAMPLE)
 
 
 if __name__ == '__main__':

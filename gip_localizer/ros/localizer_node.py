@@ -19,6 +19,7 @@ from gip_localizer.ros.parameters import given_at_start, LiveParameters
 from gip_localizer.ros.running import run_node
 
 NAME = 'localizer'
+EXAMPLE = '-p map_file:=/maps/road.yaml -p camera.z:=1.5 -p camera.pitch:=0.26'
 
 
 class LocalizerNode(Node):
@@ -121,7 +122,7 @@ def _make() -> Node:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node; the exit code is 0 after an orderly end."""
-    return run_node(_make, NAME, args)
+    return run_node(_make, NAME, args, example=EXAMPLE)
 
 
 if __name__ == '__main__':

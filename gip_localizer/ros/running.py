@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import takewhile
 import signal
+import sys
 import threading
 from types import FrameType
 
@@ -18,12 +20,19 @@ from rclpy.node import Node
 from gip_localizer.core.threads import end_work
 from gip_localizer.errors import GipError
 
+HELP = """usage: {name} [--ros-args [-p NAME:=VALUE ...] [--params-file FILE] [-r FROM:=TO ...]]
+
+example: {name} --ros-args {example}
+all parameters, with defaults and ranges: gip params --node {name} --markdown
+"""
 STOPS = (signal.SIGINT, signal.SIGTERM)
 
 
-def run_node(make: Callable[[], Node], name: str, args: Sequence[str] | None = None) -> int:
+def run_node(
+    make: Callable[[], Node], name: str, args: Sequence[str] | None = None, *, example: str = ''
+) -> int:
     """
-    Spin a node until Ctrl-C, SIGTERM or the shutdown of its context.
+    Spin a node until Ctrl-C, SIGTERM or the shutdown of its context, or answer `--help`.
 
     Parameters
     ----------
@@ -33,6 +42,8 @@ def run_node(make: Callable[[], Node], name: str, args: Sequence[str] | None = N
         Name of the logger for what happens before the node exists.
     args : sequence of str or None
         Command line; None: that of the process.
+    example : str
+        Parameters of a start that works, which the help shows.
 
     Returns
     -------
@@ -40,6 +51,10 @@ def run_node(make: Callable[[], Node], name: str, args: Sequence[str] | None = N
         Exit code: 0 after an orderly end, 1 after an error that the user can mend.
 
     """
+    words = list(sys.argv[1:] if args is None else args)
+    if {'-h', '--help'}.intersection(takewhile(lambda word: word != '--ros-args', words)):
+        sys.stdout.write(HELP.format(name=name, example=example))
+        return 0
     told = _hear_stops()
     try:
         rclpy.init(args=list(args) if args is not None else None)

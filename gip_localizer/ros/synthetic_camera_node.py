@@ -32,6 +32,7 @@ from gip_localizer.synthetic.drive import SyntheticDrive, SyntheticFrame
 from gip_localizer.synthetic.publishing import CameraNodeParameters
 from gip_localizer.synthetic.wheel_odometry import OdometryReading
 
+EXAMPLE = '-p world.name:=tiles -p rate:=5.0 -p publish.wait:=true'
 NS = 1_000_000_000
 TICK = 0.002
 """Seconds between two looks at what is due."""
@@ -176,7 +177,7 @@ def main(args: Sequence[str] | None = None) -> int:
     """Run the node; the exit code is 0 after the end of the drive or an orderly stop."""
     # Fast DDS reads this when the node joins the graph: large images need it.
     os.environ.update(image_environment())
-    return run_node(SyntheticCameraNode, 'synthetic_camera', args)
+    return run_node(SyntheticCameraNode, 'synthetic_camera', args, example=EXAMPLE)
 
 
 if __name__ == '__main__':
