@@ -416,6 +416,20 @@ def test_a_pause_of_minutes_is_over_with_the_second_frame_after_it(road, frame):
     assert localizer.update(601 * S, frame[1], CAMERA).published
 
 
+def test_a_vehicle_that_drives_on_while_the_map_is_searched_is_found(road):
+    """A search takes a second, after which the place is no longer where the vehicle is."""
+    localizer, statuses, passed = make(road), [], 0.0
+    localizer.relocalize()
+    while passed < 6.0:
+        stamp, pose = S + round(passed * S), road.pose(0.05 + 3.0 * passed / road.lane.length)
+        passed += 1.3 if localizer.searches(stamp) else 0.1
+        estimate = localizer.update(stamp, road.frame(CAMERA, pose), CAMERA)
+        check(estimate, pose)
+        statuses.append(estimate.status)
+    assert statuses[:2] == [Status.CONFIRMING, Status.LOST]  # two places that tell a velocity
+    assert statuses[-20:] == [Status.TRACKING] * 20
+
+
 @pytest.mark.parametrize('speed', [5.0, 40.0])
 def test_frames_confirm_a_found_place_only_where_the_vehicle_can_be(road, speed):
     """Each match is believed by itself; a vehicle of 20 m/s cannot have made the second way."""

@@ -50,7 +50,7 @@ class Standing:
         self.fresh = True
 
     def search(self) -> None:
-        """Want the whole map searched from the next frame on, until the place is found."""
+        """Want the whole map searched from the next frame on, until a place is confirmed."""
         self.wanted = True
         self._searched_ns = None
 
@@ -66,7 +66,7 @@ class Standing:
 
     def search_due(self, stamp_ns: int) -> bool:
         """Whether a frame is looked for on the whole map."""
-        if not (self.wanted or (self.lost and self._recovery.automatic)):
+        if self.unconfirmed or not (self.wanted or (self.lost and self._recovery.automatic)):
             return False
         since = math.inf if self._searched_ns is None else stamp_ns - self._searched_ns
         return since < 0 or since >= self._recovery.period * 1e9
@@ -82,11 +82,12 @@ class Standing:
     def fixed(self, *, new_place: bool) -> None:
         """Note a match that is believed."""
         if new_place:
-            self.wanted = False
             self.unconfirmed = self._recovery.confirm_frames
         self.misses = 0
         self.fresh = False
-        self.unconfirmed = max(self.unconfirmed - 1, 0)
+        if self.unconfirmed:
+            self.unconfirmed -= 1
+            self.wanted = self.wanted and self.unconfirmed > 0
 
     def missed(self) -> None:
         """Note a frame without a match; an unconfirmed place is given up."""

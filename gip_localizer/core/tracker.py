@@ -162,9 +162,17 @@ class Tracker:
             self.trust = OdometryTrust()
 
     def begin(self, fix: Belief) -> None:
-        """Start again from a fix at a place that earlier ones do not vouch for."""
+        """
+        Start again from a fix at a place that earlier ones do not vouch for.
+
+        Two of them in a row tell a velocity: a vehicle that drives is elsewhere when the search
+        of the whole map is over.
+
+        """
+        before = self._last_fix
         self.reset(fix)
-        self._last_fix = fix
+        self._last_fix = before
+        self._learn_velocity(fix)
 
     def predict(self, stamp_ns: int) -> Belief | None:
         """Return the belief moved to a stamp; None without one."""
@@ -277,8 +285,9 @@ class Tracker:
         if self._last_fix is not None:
             elapsed = (fix.stamp_ns - self._last_fix.stamp_ns) * 1e-9
             if 0.0 < elapsed < HELD_VELOCITY_S:
-                step = self._last_fix.pose.inverse() @ fix.pose
-                self._velocity = _scaled(step, 1.0 / elapsed)
+                velocity = _scaled(self._last_fix.pose.inverse() @ fix.pose, 1.0 / elapsed)
+                if math.hypot(velocity.x, velocity.y) <= self._noise.max_speed:
+                    self._velocity = velocity
         self._last_fix = fix
         self._compare(fix)
 
