@@ -18,7 +18,7 @@ import numpy as np
 from gip_localizer.core.arrays import Floats, Grey, median, WHITE
 
 NOISE_BANDS = 12  # of three rows, spread over the image, that tell the noise
-LEAST_SHARE = 2.0  # times its contrast that a view may show of the map's
+LEAST_SHARE = 4.0  # times its contrast that a view may show of the map's
 NOISE_FLOOR = 0.25 / 255.0  # grey levels of [0, 1]: rounding to 8 bits alone gives 0.29/255
 
 
@@ -84,7 +84,7 @@ def most_gain(
     """
     Largest gain (contrast of the image over that of the map, at most 1) that a view may have.
 
-    A part of the road may have less contrast than the map altogether, a half at least; shadows
+    A part of the road may have less contrast than the map altogether, a quarter at least; shadows
     and cars add to it.
 
     Parameters
