@@ -18,7 +18,7 @@ import numpy as np
 from gip_localizer.core.arrays import Floats, Grey, median, WHITE
 
 NOISE_BANDS = 12  # of three rows, spread over the image, that tell the noise
-LEAST_SHARE = 4.0  # times its contrast that a view may show of the map's
+MOST_RATIO = 4.0  # of the contrast of the map to that of the part of it that a view shows
 NOISE_FLOOR = 0.25 / 255.0  # grey levels of [0, 1]: rounding to 8 bits alone gives 0.29/255
 
 
@@ -103,7 +103,7 @@ def most_gain(
     mean = np.float32(float((footprint * patch).sum(dtype=np.float64)) / total)
     spread = float((footprint * (patch - mean) ** 2).sum(dtype=np.float64)) / total
     noise = pixel_noise**2 * np.count_nonzero(footprint) / total
-    return min(LEAST_SHARE * math.sqrt(max(spread - noise, 0.0)) / map_contrast, 1.0)
+    return min(MOST_RATIO * math.sqrt(max(spread - noise, 0.0)) / map_contrast, 1.0)
 
 
 def estimate_pixel_noise(image: Grey) -> float:
