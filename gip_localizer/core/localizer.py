@@ -60,7 +60,7 @@ class Localizer:
         self.tracker = Tracker(parameters.motion)
         self.standing = Standing(parameters)
         self._order = FrameOrder()
-        self._before_hop: Known | None = None
+        self._before_hop = Known()
         self._gain = 1.0  # of the frame
         self._optics: Optics | None = None
         self._timings: dict[str, float] = {}
@@ -203,9 +203,9 @@ class Localizer:
         if fault:
             return self._silent(stamp_ns, Status.OUT_OF_ORDER, fault)
         if self._order.hopped:
-            self._before_hop = self.tracker.known()
+            self._before_hop = self.tracker.known
         elif self._order.returned:
-            self.tracker.recall(self._before_hop)
+            self.tracker.known = self._before_hop
         elif self._order.went_back:
             self._start()
             self.tracker.odometry.clear()

@@ -134,21 +134,17 @@ class Tracker:
         self._noise = motion
         self.odometry = OdometryBuffer(motion)
         self.trust = OdometryTrust()
-        self.belief: Belief | None = None
+        self.known = Known()
         self.prediction_source = 'none'
-        self._velocity: Pose2 | None = None  # per second, base axes
-        self._last_fix: Belief | None = None
-        self._compared_since: Belief | None = None
 
-    def known(self) -> Known:
-        """Return what fixes and motion tell, to be recalled."""
-        return Known(self.belief, self._velocity, self._last_fix, self._compared_since)
+    @property
+    def belief(self) -> Belief | None:
+        """The last fix, or a prediction since."""
+        return self.known.belief
 
-    def recall(self, known: Known | None) -> None:
-        """Forget what was learned since."""
-        known = known or Known()
-        self.belief, self._velocity = known.belief, known.velocity
-        self._last_fix, self._compared_since = known.last_fix, known.compared_since
+    @belief.setter
+    def belief(self, belief: Belief) -> None:
+        self.known = replace(self.known, belief=belief)
 
     def configure(self, motion: Motion) -> None:
         """Change the noise of the motion."""
@@ -157,7 +153,7 @@ class Tracker:
 
     def reset(self, belief: Belief | None) -> None:
         """Start again from a belief, or from none."""
-        self.recall(Known(belief))
+        self.known = Known(belief)
         if belief is None:
             self.trust = OdometryTrust()
 
@@ -169,9 +165,7 @@ class Tracker:
         of the whole map is over.
 
         """
-        before = self._last_fix
-        self.reset(fix)
-        self._last_fix = before
+        self.known = Known(fix, last_fix=self.known.last_fix)
         self._learn_velocity(fix)
 
     def predict(self, stamp_ns: int) -> Belief | None:
@@ -201,11 +195,10 @@ class Tracker:
 
     def _held_motion(self, elapsed: float, now_ns: int) -> Pose2 | None:
         """Return the motion of so many seconds up to now; None long after the last fix."""
-        if self._velocity is None or self._last_fix is None:
+        velocity, fix = self.known.velocity, self.known.last_fix
+        if velocity is None or fix is None or (now_ns - fix.stamp_ns) * 1e-9 >= HELD_VELOCITY_S:
             return None
-        if (now_ns - self._last_fix.stamp_ns) * 1e-9 >= HELD_VELOCITY_S:
-            return None
-        return _scaled(self._velocity, elapsed)
+        return _scaled(velocity, elapsed)
 
     def moved_since(self, stamp_ns: int, now_ns: int) -> Pose2 | None:
         """Return the motion from one stamp to another as far as it is known without a match."""
@@ -282,23 +275,23 @@ class Tracker:
         self.belief = prior
 
     def _learn_velocity(self, fix: Belief) -> None:
-        if self._last_fix is not None:
-            elapsed = (fix.stamp_ns - self._last_fix.stamp_ns) * 1e-9
-            if 0.0 < elapsed < HELD_VELOCITY_S:
-                velocity = _scaled(self._last_fix.pose.inverse() @ fix.pose, 1.0 / elapsed)
-                if math.hypot(velocity.x, velocity.y) <= self._noise.max_speed:
-                    self._velocity = velocity
-        self._last_fix = fix
+        last, velocity = self.known.last_fix, self.known.velocity
+        elapsed = 0.0 if last is None else (fix.stamp_ns - last.stamp_ns) * 1e-9
+        if last is not None and 0.0 < elapsed < HELD_VELOCITY_S:
+            seen = _scaled(last.pose.inverse() @ fix.pose, 1.0 / elapsed)
+            if math.hypot(seen.x, seen.y) <= self._noise.max_speed:
+                velocity = seen
+        self.known = replace(self.known, velocity=velocity, last_fix=fix)
         self._compare(fix)
 
     def _compare(self, fix: Belief) -> None:
         """Hold odometry against the fixes."""
-        since = self._compared_since
+        since = self.known.compared_since
         told = None
         if since is not None:
             told = self.odometry.motion(since.stamp_ns, fix.stamp_ns)
         if since is None or told is None:
-            self._compared_since = fix
+            self.known = replace(self.known, compared_since=fix)
             return
         elapsed = (fix.stamp_ns - since.stamp_ns) * 1e-9
         drift = self._drift(1.0, (0.0, math.hypot(told.x, told.y)), (0.0, elapsed))
@@ -308,7 +301,7 @@ class Tracker:
             math.sqrt(spread[2, 2]), elapsed,
         )
         if done:
-            self._compared_since = fix
+            self.known = replace(self.known, compared_since=fix)
 
 
 def _agree(innovation: Floats, total: Floats) -> bool:
