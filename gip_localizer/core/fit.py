@@ -14,6 +14,7 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.core.linearised import Problem
 from gip_localizer.core.pose import Pose2
 
+SAME_PLACE = 0.2  # m between fits, beyond which they are at different places
 LEVER = 6.0  # m: where a turn and a shift of the view are compared
 MOST_CORRELATION = 0.9999  # beyond which fits are equally good
 
@@ -92,6 +93,10 @@ class Fit:
         turn[:2, :2] = self.pose.rotation()
         turned: Floats = turn @ self.covariance @ turn.T
         return 0.5 * (turned + turned.T)
+
+    def distance(self, other: Fit) -> float:
+        """Metres from another fit."""
+        return math.hypot(other.pose.x - self.pose.x, other.pose.y - self.pose.y)
 
     def along_weakest(self, distance: float) -> Pose2:
         """

@@ -21,7 +21,7 @@ import math
 import numpy as np
 
 from gip_localizer.core.estimate import Match, Status
-from gip_localizer.core.fit import Fit
+from gip_localizer.core.fit import Fit, SAME_PLACE
 from gip_localizer.core.pose import difference
 from gip_localizer.core.posterior import independent_cells
 from gip_localizer.core.search import Found
@@ -38,7 +38,6 @@ FAR_AHEAD = 1.0  # lead from which the lattice is not asked, which is blind betw
 SIGNIFICANT = 20.0  # standard deviations of chance correlation, beyond which they tell no more
 MOST_OVERDISPERSION = 4.5  # from which the parts of the view contradict each other
 VAGUE = (1.2, 0.3)  # overdispersion, cells of standard deviation: no right match exceeds both
-RIVAL_DISTANCE = 0.2  # m from the winner at which a match is at another place
 MOST_SWAY = 10.0  # of camera_motion's standard deviations, from which a match is made to fit
 MOST_RIVAL = 0.73  # likeness of a match at another place from which neither is believed
 
@@ -101,7 +100,7 @@ def judge(
     limits = parameters.integrity
     seen = match.contrast
     quality = {'contrast': seen}
-    if not match.weight.any():
+    if seen <= 0.0 and not match.weight.any():
         return Verdict(Status.LOW_CONTRAST, (
             'nothing of the view is looked at: the mask covers all of it'
         ), None, quality)
@@ -147,7 +146,7 @@ def _rival(found: Found, fit: Fit) -> float:
     """Likeness of the best other place: as much agrees, and no worse (1: cannot be told apart)."""
     others = [
         other for other in found.fits[1:]
-        if math.hypot(other.pose.x - fit.pose.x, other.pose.y - fit.pose.y) > RIVAL_DISTANCE
+        if fit.distance(other) > SAME_PLACE
     ]
     unexplained = fit.residual / fit.gain**2
     return max((

@@ -11,6 +11,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import View
+from gip_localizer.core.fit import SAME_PLACE
 from gip_localizer.core.footprints import Grid
 from gip_localizer.core.levels import coarsened
 from gip_localizer.core.map_crops import MapCrops
@@ -34,7 +35,6 @@ from gip_localizer.parameters import Parameters
 HEADINGS_AT_ONCE = 12  # bounds the memory
 MAX_CELLS = 400_000  # coarse map cells; a larger map is searched on larger cells
 CANDIDATES = 12
-SAME_PLACE = 0.2  # m between fits of one place
 LOCAL_COVARIANCE = np.eye(3)  # m^2, rad^2: local searches hardly use the coarse pose as a prior
 
 
@@ -93,15 +93,9 @@ def _one_each(searches: list[Found]) -> list[Found]:
     """Of searches that end at one place, leave the one that looked around it; best first."""
     kept: list[Found] = []
     for found in sorted(searches, key=lambda search: search.beyond):
-        if all(_distance(found, other) > SAME_PLACE for other in kept):
+        if all(found.fits[0].distance(other.fits[0]) > SAME_PLACE for other in kept):
             kept.append(found)
     return sorted(kept, key=_merit, reverse=True)
-
-
-def _distance(found: Found, other: Found) -> float:
-    """Metres between the best fits of two searches."""
-    a, b = found.fits[0].pose, other.fits[0].pose
-    return math.hypot(a.x - b.x, a.y - b.y)
 
 
 def _likeness(scores: Scores) -> float:
@@ -171,7 +165,7 @@ def _with_rivals(found: list[Found], cells: float) -> Found:
     """Return the best local search beside the other places, its winner's mass less theirs."""
     best = found[0]
     winner = best.fits[0]
-    rivals = [f.fits[0] for f in found[1:] if _distance(f, best) > SAME_PLACE]
+    rivals = [f.fits[0] for f in found[1:] if f.fits[0].distance(winner) > SAME_PLACE]
     evidence = [
         math.exp(max(-0.5 * cells * math.expm1(2.0 * (winner.merit - f.merit)), -700.0))
         for f in rivals
