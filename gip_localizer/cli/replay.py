@@ -119,13 +119,10 @@ def _open(args: argparse.Namespace) -> tuple[Bag, Topics, Trajectory | None, lis
 
 
 def _base_parameters(args: argparse.Namespace) -> Parameters:
-    from gip_localizer.cli.settings import parse_settings
-    from gip_localizer.parameters import load_parameter_file, Parameters
+    from gip_localizer.cli.settings import recorded_parameters
 
-    base = load_parameter_file(args.params) if args.params else Parameters()
-    if args.mask_topic is not None:
-        base = base.replace({'mask.from_topic': True})
-    return base.replace(parse_settings(args.settings, Parameters))
+    masked = {} if args.mask_topic is None else {'mask.from_topic': True}
+    return recorded_parameters(args, masked)
 
 
 def _parameters(args: argparse.Namespace, truth: Trajectory | None) -> Parameters:

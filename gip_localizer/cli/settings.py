@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 import signal
@@ -55,10 +55,13 @@ def beside(bag: Sequence[Path], name: str) -> Path | None:
     return path if path.is_file() else None
 
 
-def recorded_parameters(args: argparse.Namespace) -> Parameters:
-    """Return the parameters of `--params`, or of the file beside `bag`, with each `--set`."""
+def recorded_parameters(
+    args: argparse.Namespace, changes: Mapping[str, object] | None = None
+) -> Parameters:
+    """Return what `--params` (or the file beside `bag`), `changes`, each `--set` say, in turn."""
     path = args.params or beside(args.bag, 'params.yaml')
     parameters = load_parameter_file(path) if path else Parameters()
+    parameters = parameters.replace(changes or {})
     return parameters.replace(parse_settings(args.settings, Parameters))
 
 

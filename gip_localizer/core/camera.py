@@ -45,11 +45,6 @@ class Extrinsics:
     pitch: float = 0.0
     yaw: float = 0.0
 
-    @classmethod
-    def given(cls, camera: Camera) -> Extrinsics:
-        """Return the pose that parameters give."""
-        return cls(camera.x, camera.y, camera.z, camera.roll, camera.pitch, camera.yaw)
-
     def rotation(self) -> Floats:
         """Return R_base_optical, (3, 3): optical axes (z forward, x right) in base."""
         cr, sr = np.cos(self.roll), np.sin(self.roll)
@@ -112,6 +107,12 @@ class CameraModel:
     def with_extrinsics(self, extrinsics: Extrinsics) -> CameraModel:
         """Return the same camera held elsewhere."""
         return CameraModel(self.calibration, extrinsics, rectified=self.rectified)
+
+    @classmethod
+    def given(cls, calibration: Calibration, held: Camera) -> CameraModel:
+        """Return the camera where parameters have it (raises CalibrationError)."""
+        extrinsics = Extrinsics(held.x, held.y, held.z, held.roll, held.pitch, held.yaw)
+        return cls(calibration, extrinsics, rectified=held.rectified)
 
     def for_image(self, image: Grey) -> CameraModel:
         """

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from gip_localizer.core.arrays import Floats, Grey
-from gip_localizer.core.camera import CameraModel, Extrinsics
+from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.estimate import Estimate, Match
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
@@ -95,8 +95,7 @@ def _localized_frame(
             estimate = frontend.on_compressed_image(decoded)
             frames += estimate.published
             if frames == FRAME:
-                held = Extrinsics.given(parameters.camera)
-                camera = CameraModel(numbers, held, rectified=parameters.camera.rectified)
+                camera = CameraModel.given(numbers, parameters.camera)
                 return compressed_grey_image(decoded), camera, estimate
         elif topics.odometry is not None and message.topic == topics.odometry.name:
             frontend.on_odometry(decoded)

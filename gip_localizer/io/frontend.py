@@ -18,7 +18,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Grey
 from gip_localizer.core.calibration import Calibration
-from gip_localizer.core.camera import CameraModel, Extrinsics
+from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.raster_map import RasterMap
@@ -220,10 +220,7 @@ class Frontend:
     def _calibrated_camera(self) -> CameraModel:
         if self._camera is None:
             assert self._calibration is not None
-            held = self.parameters.camera
-            self._camera = CameraModel(
-                self._calibration, Extrinsics.given(held), rectified=held.rectified
-            )
+            self._camera = CameraModel.given(self._calibration, self.parameters.camera)
         return self._camera
 
     def _camera_for(self, image: Grey) -> CameraModel:

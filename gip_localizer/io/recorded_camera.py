@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from gip_localizer.core.calibration import Calibration
-from gip_localizer.core.camera import CameraModel, Extrinsics
+from gip_localizer.core.camera import CameraModel
 from gip_localizer.errors import BagError
 from gip_localizer.io.bag_topics import Topics
 from gip_localizer.io.bags import Bag
@@ -25,8 +25,7 @@ def recorded_camera(bag: Bag, topics: Topics, parameters: Parameters) -> CameraM
         It cannot be used.
 
     """
-    held, calibration = Extrinsics.given(parameters.camera), _calibration(bag, topics)
-    return CameraModel(calibration, held, rectified=parameters.camera.rectified)
+    return CameraModel.given(_calibration(bag, topics), parameters.camera)
 
 
 def _calibration(bag: Bag, topics: Topics) -> Calibration:

@@ -70,9 +70,7 @@ class SyntheticCamera:
         self, parameters: SyntheticCameraParameters, world: RasterMap, *, exact: bool = False
     ) -> None:
         self.parameters = parameters
-        held = parameters.camera
-        calibration = make_calibration(parameters.lens)
-        self.camera = CameraModel(calibration, Extrinsics.given(held), rectified=held.rectified)
+        self.camera = CameraModel.given(make_calibration(parameters.lens), parameters.camera)
         self._renderer = Renderer(world, self.camera, exact=exact)
         self._resolution = world.resolution
         self._platoons: dict[int, list[Car]] = {}
