@@ -98,7 +98,8 @@ def check_calibration(
         Nothing can be read, or the view sees no road.
 
     """
-    camera, at = recorded_camera(bag, topics, parameters), parameters.camera
+    recorded, at = recorded_camera(bag, topics, parameters), parameters.camera
+    camera = recorded
     rectifier = Rectifier(camera, parameters.birdseye)
     decode = compressed_grey_image if topics.image.msgtype == IMAGES[1] else grey_image
     step = max(topics.image.messages // most, 1)
@@ -110,7 +111,8 @@ def check_calibration(
             continue
         try:
             image = decode(decoded)
-            if camera is not (camera := camera.for_image(image)):
+            if image.shape != (camera.height, camera.width):
+                camera = recorded.for_image(image)
                 rectifier = Rectifier(camera, parameters.birdseye)
         except (ImageError, CalibrationError) as error:
             refused.append(str(error))
