@@ -26,7 +26,7 @@ from gip_localizer.cli import (
     replay,
     simulate,
 )
-from gip_localizer.core.threads import use_one_blas_thread
+from gip_localizer.core.threads import use_one_library_thread
 from gip_localizer.errors import GipError
 
 VERBS = (
@@ -35,7 +35,7 @@ VERBS = (
 INTERRUPTED = 130
 LONG_NAME = 200  # characters of a file's name that a message shows
 
-use_one_blas_thread()  # read when NumPy is loaded, which only the verbs do
+use_one_library_thread()  # read when NumPy is loaded, which only the verbs do
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -5,11 +5,11 @@ The one thread setting of BLAS, FFT and OpenCV.
 
 - Yaws, and blocks of the rectifier, are divided over at most `WORKERS` threads of ours; NumPy,
   SciPy and OpenCV release Python's lock inside.
-- BLAS runs on one thread: our matrices are small, and its threads would spin more than compute
-  beside a camera driver that needs the cores (measured: 2.5 times the processor time per frame).
-  The setting is read when NumPy is loaded, so `ros` and `cli` make it before.
+- BLAS and OpenCV run on one thread: our matrices and warps are small, and their threads would spin
+  more than compute beside a camera driver that needs the cores (measured: 2.5 times the processor
+  time per frame with BLAS's). The settings are read when NumPy and OpenCV are loaded, so `ros` and
+  `cli` make them before.
 - The FFTs get no threads of their own: there are always more yaws than cores.
-- OpenCV keeps its default; what is called here per yaw is too small for it to divide.
 - A process that shares the cores with others of its kind takes no threads of ours
   (`use_one_thread`).
 
@@ -38,18 +38,14 @@ WORKERS = max(1, min(2, _cores()))
 _ending = threading.Event()
 
 
-def use_one_blas_thread() -> None:
-    """Set BLAS to one thread unless the user chose; call before NumPy is loaded."""
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+def use_one_library_thread() -> None:
+    """Set BLAS and OpenCV to one thread unless the user chose; call before they are loaded."""
+    for name in ('OPENBLAS_NUM_THREADS', 'OPENCV_FOR_THREADS_NUM'):
+        os.environ.setdefault(name, '1')
 
 
 def use_one_thread() -> None:
-    """
-    Do all work in the calling thread from now on; results stay the same.
-
-    OpenCV keeps its threads: with another number of them its sums end in other bits.
-
-    """
+    """Do all work in the calling thread from now on; results stay the same."""
     global WORKERS
     WORKERS = 1
 
