@@ -16,7 +16,7 @@ help: ## list the verbs
 
 setup: $(READY) ## make the environment only
 
-$(READY): setup.py
+$(READY): setup.py $(wildcard gip_localizer/core/kernels/*)
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' || { \
 	  echo 'gip_localizer needs CPython 3.10 to 3.13 (ROS wheels exist for these);' \
 	    '$(PYTHON) is' "$$($(PYTHON) --version 2>&1). Name another: make PYTHON=python3.12 ..."; exit 1; }
@@ -71,5 +71,5 @@ soak: $(READY) ## the node under everything that goes wrong on a vehicle (MINUTE
 	@GIP_SOAK=$$(( $(or $(MINUTES),30) * 60 )) $(VENV)/bin/python -m pytest -s test/test_ros_soak.py
 
 clean: ## remove the environment, caches and results
-	rm -rf $(VENV) build install log results *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) gip_localizer/core/*.so build install log results *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

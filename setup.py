@@ -3,10 +3,13 @@
 """Packaging that both pip and colcon read: plain strings, no metadata elsewhere."""
 
 from pathlib import Path
+import platform
 
-from setuptools import find_packages, setup
+from setuptools import Extension, find_packages, setup
 
 PACKAGE = 'gip_localizer'
+# Every x86-64 processor since 2011 has SSSE3; what newer ones have is asked for at run time.
+COMPILE = ['-O3', '-Wno-psabi', *(['-mssse3'] if platform.machine() == 'x86_64' else [])]
 
 
 def files(folder, pattern='*'):
@@ -27,6 +30,12 @@ setup(
     python_requires='>=3.10',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     package_data={PACKAGE: ['py.typed', '**/*.html', '**/*.j2', '**/*.csv']},
+    # Plain C that is loaded with ctypes; without a compiler NumPy and SciPy do its work.
+    ext_modules=[Extension(
+        f'{PACKAGE}.core._kernels', files(f'{PACKAGE}/core/kernels', '*.c'),
+        depends=files(f'{PACKAGE}/core/kernels', '*.h'),
+        extra_compile_args=COMPILE, optional=True,
+    )],
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),

@@ -38,8 +38,8 @@ def by_definition(fields, templates):
 def collected(kernel, yaws, fields, templates):
     out = np.full((YAWS, len(TERMS), 2 * HALF[0] + 1, 2 * HALF[1] + 1), np.nan)
 
-    def turn(yaw, template, room):
-        room[:] = templates[yaw, template]
+    def turn(yaw, room):
+        room[:] = templates[yaw]
 
     def sink(yaws, terms):
         out[yaws.start : yaws.stop] = terms.transpose(1, 0, 2, 3)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from gip_localizer.core.footprints import Grid
-from gip_localizer.core.lattice import make_canvas, make_lattice, turn_affine, turn_into
+from gip_localizer.core.lattice import make_canvas, make_lattice
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.spectra import cost
 from gip_localizer.core.support import make_parts
+from gip_localizer.core.turning import Templates, turn_affine
 
 GRID = Grid(7.0, 2.5, 60, 50, 0.1)
 PIVOT = 3.0
@@ -33,12 +34,13 @@ def test_parts_hold_every_yaw_and_every_cell_with_weight(half_yaw, translations)
     affines = [turn_affine(GRID, canvas, float(yaw), PIVOT) for yaw in lattice.yaws]
     parts = make_parts(weight, affines, canvas.shape, translations, 2, cost)
     assert [k for part in parts for k in part.yaws] == list(range(len(affines)))
-    turned = np.empty(canvas.shape, np.float32)
+    turned, templates = np.empty(canvas.shape, np.float32), Templates(1, weight.shape)
+    templates.planes[0] = weight
     for part in parts:
         assert part.shape[0] <= canvas.rows
         assert part.shape[1] <= canvas.cols
         for yaw in part.yaws:
-            turn_into(turned, weight, affines[yaw])
+            templates.turn_into(turned[None], affines[yaw])
             assert turned[part.rows, part.cols].sum() == pytest.approx(turned.sum(), rel=1e-6)
 
 

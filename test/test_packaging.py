@@ -13,7 +13,9 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 EXECUTABLES = ('localizer', 'synthetic_camera', 'bag_player', 'gip')
-NOT_SOURCES = ('.*', 'build', 'dist', 'install', 'log', 'results', '*.egg-info', '__pycache__')
+NOT_SOURCES = (
+    '.*', 'build', 'dist', 'install', 'log', 'results', '*.egg-info', '*.so', '__pycache__',
+)
 
 
 def run(command, **options):
@@ -89,6 +91,25 @@ def test_pip_installs_every_module(pip_prefix):
     modules = {path.relative_to(ROOT) for path in (ROOT / 'gip_localizer').rglob('*.py')}
     installed = site_packages(pip_prefix)
     assert {module for module in modules if not (installed / module).is_file()} == set()
+
+
+@pytest.mark.skipif(not shutil.which('gcc'), reason='no GCC here')
+def test_pip_and_colcon_build_the_loops(pip_prefix, colcon_prefix):
+    for prefix in (pip_prefix, colcon_prefix):
+        assert list((site_packages(prefix) / 'gip_localizer/core').glob('_kernels.*.so')), prefix
+
+
+def test_without_a_compiler_the_package_installs_all_the_same(tmp_path):
+    sources = tmp_path / 'sources'  # without what other tests built
+    shutil.copytree(ROOT, sources, ignore=shutil.ignore_patterns(*NOT_SOURCES))
+    result = run(
+        [sys.executable, '-m', 'pip', 'install', '--no-deps', '--no-build-isolation', '--no-index',
+         '--target', tmp_path / 'target', sources],
+        cwd=tmp_path, env=inherited(CC='no-such-compiler'),
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert (tmp_path / 'target/gip_localizer/core/compiled.py').is_file()
+    assert not list((tmp_path / 'target/gip_localizer/core').glob('_kernels.*'))
 
 
 @pytest.mark.parametrize('folder', ['bin', 'lib/gip_localizer'])

@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from gip_localizer.core.arrays import Bools, Floats, Grey, WHITE
+from gip_localizer.core.arrays import Bools, Floats, Grey
 from gip_localizer.core.camera import CameraModel
 from gip_localizer.core.footprint_means import FootprintMeans
 from gip_localizer.core.footprints import (
@@ -91,9 +91,7 @@ class Rectifier:
         if self.valid.sum() < MIN_CELLS:
             raise CalibrationError(_no_road(camera, birdseye, int(self.valid.sum())))
         self.footprint = np.where(self.valid, areas, 0.0).astype(np.float32)
-        inverse = np.divide(1.0, sums, out=np.zeros_like(sums), where=sums > 0.0)
-        self._mean = (sparse.diags(inverse.astype(np.float32)) @ self._overlap).tocsr()
-        self._means = FootprintMeans(self._mean, self._box.width)
+        self._means = FootprintMeans(self._overlap, self._box.width)
 
     def rectify(self, image: Grey) -> View:
         """
@@ -110,8 +108,7 @@ class Rectifier:
             The cells; invalid ones hold 0.
 
         """
-        part = image[self._box.slices]
-        patch = self._means.of(part, 1.0 / WHITE.get(image.dtype, 1.0))
+        patch = self._means.of(image[self._box.slices])
         return View(patch.reshape(self.grid.shape), self.footprint, self.valid, self.grid)
 
     @cached_property
@@ -158,7 +155,7 @@ class Rectifier:
         pixel_sums = np.asarray(overlap.sum(axis=0)).ravel()
         inverse = np.divide(1.0, pixel_sums, out=np.zeros_like(pixel_sums),
                             where=pixel_sums > 1e-6)
-        mean = self._mean[self.valid.ravel()]
+        mean = self._means.matrix[self.valid.ravel()]
         blur = (mean @ sparse.diags(inverse.astype(np.float32)) @ overlap.T).tocsr()
         blur.data[blur.data < 1e-4] = 0.0
         blur.eliminate_zeros()

@@ -3,15 +3,17 @@
 """
 Sums of products of turned templates and map fields, over all translations.
 
-A term is `S[d] = Σ_pairs Σ_i T_p[i] F_p[i + d]`. Few translations are done as one matrix product
-per map row over all yaws, many by transforms: the fields' spectra serve all yaws, and the pairs
-of a term are added up as spectra, so that each term costs one transform back for two yaws.
+A term is `S[d] = Σ_pairs Σ_i T_p[i] F_p[i + d]`. Few translations are done by the compiled loop,
+or without it as one matrix product per map row over all yaws; many by transforms: the fields'
+spectra serve all yaws, and the pairs of a term are added up as spectra, so that each term costs
+one transform back for two yaws.
 
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 import math
 import threading
 
@@ -20,13 +22,15 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.spectra import field_spectrum, make_transform, Plane, Transform
+from gip_localizer.core.compiled import AVAILABLE
+from gip_localizer.core.few_sums import correlate_few, Pairs, Stack
+from gip_localizer.core.spectra import channels, field_spectrum, make_transform, Plane, Transform
 from gip_localizer.core.threads import in_parallel, shares
 
 Term = tuple[tuple[int, int], ...]
 """Pairs of template and field (indices), whose correlations are added."""
-Turn = Callable[[int, int, Floats], None]
-"""Writes a template (rows, cols) of a yaw: index of the yaw, of the template, where to."""
+Turn = Callable[[int, Floats], None]
+"""Writes the templates (n, rows, cols) of a yaw: index of the yaw, where to."""
 Sink = Callable[[range, Floats], None]
 """Takes yaws (indices) and their terms (n_terms, yaws, n_x, n_y), valid during the call only."""
 
@@ -37,6 +41,7 @@ PRODUCT_YAWS = 32  # at once, which bounds the memory
 PRODUCT_PARTS = 2  # of the map rows, summed apart; fixed, so that bytes do not depend on cores
 KEPT_BYTES = 1 << 23  # of an array, above which it is not kept between frames
 WORTH_A_THREAD = 150_000  # cells of all yaws, below which threads wait more than they work
+PRODUCTS_WORTH_A_THREAD = 5_000_000  # in compiled loops likewise
 
 
 def correlate(
@@ -63,7 +68,7 @@ def correlate(
     n_x, n_y = (1 + fields.shape[k + 1] - canvas[k] for k in (0, 1))
     few = n_x * n_y * math.prod(canvas) <= PATCH_CELLS
     if few or not takes_transforms(n_x, n_y):
-        multiply = by_patches if few else by_products
+        multiply = by_loops if AVAILABLE else by_patches if few else by_products
         for start in range(0, yaws, PRODUCT_YAWS):
             batch = range(start, min(start + PRODUCT_YAWS, yaws))
             multiply(fields, terms, batch, canvas=canvas, turn=turn, sink=sink)
@@ -116,8 +121,7 @@ class _Desk:
         self._transform = transform
         self._size = size
         self.plane: Plane = np.zeros(transform.shape, np.complex64)
-        self._turned = np.zeros((2, *canvas), np.float32)
-        self._pair = np.empty((*canvas, 2), np.float32)
+        self._turned = np.zeros((2, templates, *canvas), np.float32)
         self._spectra = [np.empty_like(self.plane) for _ in range(templates)]
         self._sum, self._room = np.empty_like(self.plane), np.empty_like(self.plane)
         self._out = np.empty((terms, 2, *size), np.float32)
@@ -127,26 +131,35 @@ class _Desk:
     ) -> Floats:
         """Return the terms (n_terms, yaws, n_x, n_y) of one yaw or two."""
         n_x, n_y = self._size
+        for yaw, room in zip(yaws, self._turned, strict=False):
+            turn(yaw, room)
+        self._turned[len(yaws) :] = 0.0  # a yaw without a partner
         for template, spectrum in enumerate(self._spectra):
-            self._transform_pair(template, yaws, turn, spectrum)
+            self._transform_pair(self._turned[:, template], spectrum)
         for out, term in zip(self._out, terms, strict=True):
-            for n, (template, field) in enumerate(term):
-                product = self._room if n else self._sum
-                np.multiply(fields[field], self._spectra[template], out=product)
-                if n:
-                    self._sum += product
-            found = self._transform.backward(self._sum, n_x, self._room)[:n_x, :n_y]
-            out[0], out[1] = found.real, found.imag
+            last = len(terms) == 1 and len(dict(term)) == len(term)
+            product = self._product(fields, term, last=last)
+            found = self._transform.backward(product, n_x, self._room)[:n_x, :n_y]
+            cv2.split(channels(found), list(out))
         return self._out[:, : len(yaws)]
 
-    def _transform_pair(self, template: int, yaws: range, turn: Turn, out: Plane) -> None:
-        """Transform a template of two yaws, the second as the imaginary part (one: zeros)."""
-        for yaw, room in zip(yaws, self._turned, strict=False):
-            turn(yaw, template, room)
-        self._turned[len(yaws) :] = 0.0
-        rows, cols = self._pair.shape[:2]
-        cv2.merge(list(self._turned), self._pair)
-        self.plane[:rows, :cols] = self._pair.view(np.complex64)[..., 0]
+    def _product(self, fields: list[Plane], term: Term, *, last: bool) -> Plane:
+        """Add up a term's products; after the last the spectra are spoilt, which costs least."""
+        (template, field), *others = term
+        spectra = self._spectra
+        total = spectra[template] if last else self._sum
+        np.multiply(fields[field], spectra[template], out=total)
+        for template, field in others:
+            product = spectra[template] if last else self._room
+            np.multiply(fields[field], spectra[template], out=product)
+            total += product
+        return total
+
+    def _transform_pair(self, pair: Floats, out: Plane) -> None:
+        """Transform a template of two yaws, the second as the imaginary part."""
+        rows, cols = pair.shape[1:]
+        corner = self.plane[:rows, :cols]
+        corner.real, corner.imag = pair
         self._transform.forward(self.plane, rows, out)
 
 
@@ -167,6 +180,28 @@ def _desk(transform: Transform, templates: int, terms: int, size: tuple[int, int
     return desk
 
 
+as_pairs = cache(Pairs)
+
+def by_loops(
+    fields: Floats, terms: Sequence[Term], yaws: range, *, canvas: tuple[int, int],
+    turn: Turn, sink: Sink,
+) -> None:
+    """Correlate as `correlate` does, with the compiled loop."""
+    n_x, n_y = 1 + fields.shape[1] - canvas[0], 1 + fields.shape[2] - canvas[1]
+    stack, sums = Stack(fields), np.empty((len(terms), len(yaws), n_x, n_y), np.float32)
+
+    def work(share: range) -> None:
+        turned = Stack(_room('turned', (_templates(terms), *canvas)))
+        for k in share:
+            turn(yaws[k], turned.planes)
+            for out, term in zip(sums, terms, strict=True):
+                correlate_few(turned, stack, as_pairs(term), (0, 0), out[k])
+
+    products = sums.size * math.prod(canvas)
+    in_parallel(work, shares(len(yaws)), worth_it=products >= PRODUCTS_WORTH_A_THREAD)
+    sink(yaws, sums)
+
+
 def by_patches(
     fields: Floats, terms: Sequence[Term], yaws: range, *, canvas: tuple[int, int],
     turn: Turn, sink: Sink,
@@ -178,9 +213,8 @@ def by_patches(
     patches[...] = sliding_window_view(fields, canvas, axis=(1, 2))
     flat = patches.reshape(len(fields), n_x * n_y, cells)
     turned = _room('turned', (_templates(terms), len(yaws), *canvas))
-    for template, rooms in enumerate(turned):
-        for yaw, room in zip(yaws, rooms, strict=True):
-            turn(yaw, template, room)
+    for k, yaw in enumerate(yaws):
+        turn(yaw, turned[:, k])
     rows = turned.reshape(len(turned), len(yaws), cells)
     sums = np.zeros((len(terms), len(yaws), n_x * n_y), np.float32)
     for out, term in zip(sums, terms, strict=True):
@@ -211,8 +245,8 @@ def by_products(
 
     def work_turn(share: range) -> None:
         for k in share:
-            for t in range(count):
-                turn(yaws[k], t, stacked[pad : pad + rows, k, t * cols : (t + 1) * cols])
+            side_by_side = stacked[pad : pad + rows, k].reshape(rows, count, cols)
+            turn(yaws[k], side_by_side.transpose(1, 0, 2))
 
     worth_it = len(yaws) * rows * cols >= WORTH_A_THREAD
     in_parallel(work_turn, shares(len(yaws)), worth_it=worth_it)

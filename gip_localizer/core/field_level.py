@@ -13,14 +13,14 @@ where the texture of cells looks unlike, is not seen on it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache, partial
 import math
 
-import cv2
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.footprints import Grid
+from gip_localizer.core.joining import joined
 from gip_localizer.core.lattice import Lattice, make_canvas, widened
 from gip_localizer.core.pose import Pose2
 
@@ -73,44 +73,25 @@ class Level:
 
     def _joined_view(self, larger: Grid, factor: int) -> tuple[Floats, Floats]:
         """Summed weights, and means by weight."""
-        grid = self.grid
-        bottom, right = larger.rows * factor - grid.rows, larger.cols * factor - grid.cols
-        size = (larger.cols, larger.rows)
-
-        def joined(values: Floats) -> Floats:
-            padded = values
-            if bottom or right:
-                padded = cv2.copyMakeBorder(values, 0, bottom, 0, right, cv2.BORDER_CONSTANT)
-            mean = cv2.resize(padded, size, interpolation=cv2.INTER_AREA)
-            return np.asarray(mean * np.float32(factor * factor))
-
-        total = joined(_smoothed(self.weight, factor))
-        values = joined(_smoothed(self.weight * self.values, factor))
-        return joined(self.weight), values / np.maximum(total, np.float32(1e-20))
+        area = np.float32(factor * factor)
+        shares = [
+            joined(plane, factor, larger.shape, smooth=True)
+            for plane in (self.weight, self.weight * self.values)
+        ]
+        values = shares[1] / np.maximum(shares[0], np.float32(1e-20) / area)
+        return joined(self.weight, factor, larger.shape) * area, values
 
     def _joined_window(self, wide: Grid, factor: int) -> tuple[Floats, Floats]:
         fine = widened(self.canvas, self.lattice)
         top = round((wide.far - fine.far) / fine.resolution)
         left = round((wide.left - fine.left) / fine.resolution)
-        size = (wide.cols, wide.rows)
-        bottom = wide.rows * factor - top - fine.rows
-        right = wide.cols * factor - left - fine.cols
         everywhere = bool(self.known.all())
-        border = cv2.BORDER_REPLICATE if everywhere else cv2.BORDER_CONSTANT
-
-        def joined(values: Floats) -> Floats:
-            inside = values[max(-top, 0) : fine.rows + min(bottom, 0),
-                            max(-left, 0) : fine.cols + min(right, 0)]
-            padded = cv2.copyMakeBorder(
-                inside, max(top, 0), max(bottom, 0), max(left, 0), max(right, 0), border
-            )
-            return np.asarray(cv2.resize(padded, size, interpolation=cv2.INTER_AREA))
-
-        values = joined(_smoothed(self.window, factor, border))
+        join = partial(joined, factor=factor, shape=wide.shape, corner=(top, left))
+        values = join(self.window, smooth=True, replicate=everywhere)
         if everywhere:
             return values, np.ones(wide.shape, np.float32)
-        known = (joined(self.known) > 0.5).astype(np.float32)
-        share = joined(_smoothed(self.known, factor))
+        known = (join(self.known) > 0.5).astype(np.float32)
+        share = join(self.known, smooth=True)
         return values / np.maximum(share, np.float32(1e-6)) * known, known
 
 
@@ -124,19 +105,6 @@ class _Plan:
     step: float
     half: tuple[int, int]
     yaws: slice
-
-
-@cache
-def _smoothing(factor: int) -> Floats:
-    """Weights of a box of `factor` cells about the middle of a cell."""
-    box = np.ones(factor, np.float32)
-    return np.convolve(box, [0.5, 0.5]) / factor if factor % 2 == 0 else box / factor
-
-
-def _smoothed(values: Floats, factor: int, border: int = cv2.BORDER_CONSTANT) -> Floats:
-    """Average over as much as a joined cell; what lies outside is 0, or what `border` says."""
-    kernel = _smoothing(factor)
-    return np.asarray(cv2.sepFilter2D(values, cv2.CV_32F, kernel, kernel, borderType=border))
 
 
 @lru_cache(maxsize=32)

@@ -23,6 +23,7 @@ from gip_localizer.core.camera import CameraModel
 RAY_GRID_STEP = 4  # px between exactly undistorted rays; a cubic spline fills in
 SUBPIXELS = 4  # per side, for pixels narrower than a cell
 SUBPIXELS_FAR = 8  # per side, for pixels that span more than half a cell
+PARTS = SUBPIXELS_FAR**2  # of a pixel, of which shares are whole numbers
 CHUNK = 50_000  # pixels divided at once, which bounds the memory
 
 
@@ -144,6 +145,7 @@ def overlap_matrix(
     -------
     (rows * cols, box.height * box.width) sparse float32
         Rows of cells that are not valid are empty; a full row sums to the cell's footprint.
+        Entries are whole numbers of `PARTS`, in the order of pixels.
 
     """
     rays, exists = _corner_rays(camera, box)
@@ -172,7 +174,9 @@ def overlap_matrix(
         (shares[keep], (cells[keep], pixels[keep])),
         shape=(grid.rows * grid.cols, box.height * box.width), dtype=np.float32,
     )
-    return matrix.tocsr()
+    made = matrix.tocsr()
+    made.sort_indices()
+    return made
 
 
 def _extremes(index: Floats, corners: list[tuple[slice, slice]]) -> tuple[Floats, Floats]:

@@ -41,8 +41,9 @@ def modes_of(
     Each at the minimum of the parabolas through its neighbours, in the order of these minima.
 
     """
-    near = np.abs(places[:, None] - places[None]).max(axis=2, initial=0) <= 1
-    alone = ~np.tril(near, -1).any(axis=1)
+    apart = [np.abs(index[:, None] - index) > 1 for index in places.T]
+    near_a_better = np.tri(len(places), k=-1, dtype=bool) & ~(apart[0] | apart[1] | apart[2])
+    alone = ~near_a_better.any(axis=1)
     best: list[Index] = list(map(tuple, places[alone][:count].tolist()))  # type: ignore[arg-type]
     return sorted(_between(values, place) for place in best)
 

@@ -20,6 +20,7 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.core.footprints import Grid
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.core.turning import turn_affine
 
 
 @dataclass(frozen=True)
@@ -124,21 +125,3 @@ def rotated(
         templates, turn_affine(grid, canvas, yaw, pivot), (canvas.cols, canvas.rows),
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_CONSTANT,
     ), np.float32)
-
-
-def turn_into(out: Floats, plane: Floats, affine: Floats) -> None:
-    """Turn a plane (rows, cols) by `turn_affine` into an array, which may be part of another."""
-    cv2.warpAffine(
-        plane, affine, (out.shape[1], out.shape[0]), dst=out,
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_CONSTANT,
-    )
-
-
-def turn_affine(grid: Grid, canvas: Grid, yaw: float, pivot: float) -> Floats:
-    """Map (2, 3) from columns and rows of the canvas to those of the view."""
-    c, s, step = math.cos(yaw), math.sin(yaw), grid.resolution
-    # canvas cell → anchor metres → base metres → view cell, all affine
-    x0, y0 = canvas.far - 0.5 * step - pivot, canvas.left - 0.5 * step
-    row0 = (grid.far - pivot - (c * x0 + s * y0)) / step - 0.5
-    col0 = (grid.left - (-s * x0 + c * y0)) / step - 0.5
-    return np.array([[c, -s, col0], [s, c, row0]])

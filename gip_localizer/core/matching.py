@@ -26,8 +26,6 @@ from gip_localizer.core.lattice import (
     make_lattice,
     map_window,
     rotated,
-    turn_affine,
-    turn_into,
     widened,
 )
 from gip_localizer.core.levels import locally_centred
@@ -35,6 +33,7 @@ from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.scoring import Residuals, Scorer
 from gip_localizer.core.spectra import cost
 from gip_localizer.core.support import make_parts, Part
+from gip_localizer.core.turning import turn_affine
 
 __all__ = ['Lattice', 'Scores', 'make_lattice', 'match', 'rotated']
 
@@ -129,17 +128,20 @@ def score_yaws(
     parts = [Part(range(len(affines)), slice(0, canvas.rows), slice(0, canvas.cols))]
     if takes_transforms(n_x, n_y):
         parts = make_parts(
-            scorer.templates[0], affines, canvas.shape, (n_x, n_y), len(scorer.fields), cost
+            scorer.templates.planes[0], affines, canvas.shape, (n_x, n_y), len(scorer.fields), cost
         )
     for part in parts:
         rows, cols = part.rows, part.cols
         window = slice(rows.start, rows.stop + n_x - 1), slice(cols.start, cols.stop + n_y - 1)
-        moved = np.array([[cols.start], [rows.start]])
-        chosen = [
-            np.hstack([affine[:, :2], affine[:, 2:] + affine[:, :2] @ moved])
-            for affine in affines[part.yaws.start : part.yaws.stop]
-        ]
+        chosen = affines[part.yaws.start : part.yaws.stop]
+        if rows.start or cols.start:
+            chosen = [_moved(affine, rows.start, cols.start) for affine in chosen]
         _score_part(scorer, scorer.fields[:, window[0], window[1]], chosen, part, keep)
+
+
+def _moved(affine: Floats, row: int, col: int) -> Floats:
+    """Return the map from a part of the canvas that begins at a row and a column."""
+    return np.hstack([affine[:, :2], affine[:, 2:] + affine[:, :2] @ [[col], [row]]])
 
 
 def _score_part(
@@ -147,10 +149,9 @@ def _score_part(
 ) -> None:
     sums = np.zeros((len(affines), 2), np.float32)
 
-    def turn(yaw: int, template: int, out: Floats) -> None:
-        turn_into(out, scorer.templates[template], affines[yaw])
-        if scorer.sums_needed(template):
-            sums[yaw, template] = cv2.sumElems(out)[0]
+    def turn(yaw: int, out: Floats) -> None:
+        scorer.templates.turn_into(out, affines[yaw])
+        sums[yaw, : scorer.sums_needed] = [cv2.sumElems(t)[0] for t in out[: scorer.sums_needed]]
 
     def sink(yaws: range, terms: Floats) -> None:
         first = part.yaws.start

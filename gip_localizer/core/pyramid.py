@@ -21,6 +21,7 @@ from functools import partial
 from itertools import pairwise
 import math
 
+import cv2
 import numpy as np
 
 from gip_localizer.core.field_level import Level
@@ -138,7 +139,7 @@ def _in_doubt(level: Level, depth: float, residual: float) -> bool:
     """
     if math.prod(level.lattice.shape) > MOST_IN_DOUBT:
         return False
-    return bool(0.5 * np.count_nonzero(level.weight) * depth < DOUBT * residual)
+    return bool(0.5 * cv2.countNonZero(level.weight) * depth < DOUBT * residual)
 
 
 def _climbs(

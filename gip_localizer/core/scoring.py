@@ -18,6 +18,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.correlation import Term
+from gip_localizer.core.turning import Templates
 
 M, MM, KNOWN = 0, 1, 2  # fields: û, û² and 1 on known cells; G, G v and G v² are templates 0, 1, 2
 SUMS: dict[str, Term] = {
@@ -93,17 +94,17 @@ class Scorer:
             return np.float32(0.0)
         return np.float32(np.dot(weight.ravel(), values.ravel()) / self._total)
 
-    def _make_templates(self, values: Floats, weight: Floats, level: np.float32) -> Floats:
+    def _make_templates(self, values: Floats, weight: Floats, level: np.float32) -> Templates:
         """Return G, G v and, where the map has gaps, G v²; for the joint term -2 G v."""
-        templates = np.empty((2 if self.everywhere else 3, *weight.shape), np.float32)
-        templates[0] = weight
+        templates = Templates(2 if self.everywhere else 3, weight.shape)
         v = values - level
-        np.multiply(weight, v, out=templates[1])
-        self._total_vv = np.float32(np.dot(templates[1].ravel(), v.ravel()))
+        weighted = weight * v
+        self._total_vv = np.float32(np.dot(weighted.ravel(), v.ravel()))
+        planes = templates.planes
+        planes[0] = weight
+        np.multiply(weighted, np.float32(-2.0 if self._joint else 1.0), out=planes[1])
         if not self.everywhere:
-            np.multiply(templates[1], v, out=templates[2])
-        if self._joint:
-            templates[1] *= np.float32(-2.0)
+            np.multiply(weighted, v, out=planes[2])
         return templates
 
     def _terms(self) -> list[Term]:
@@ -112,9 +113,12 @@ class Scorer:
         squares = ((0, MM), (1, M))
         return [squares] if self.everywhere else [(*squares, (2, KNOWN)), SUMS['w']]
 
-    def sums_needed(self, template: int) -> bool:
-        """Whether `score` asks for the sum of this turned template."""
-        return self.everywhere and template < (1 if self._joint else 2)
+    @property
+    def sums_needed(self) -> int:
+        """Of how many turned templates, the first ones, `score` asks for the sums."""
+        if not self.everywhere:
+            return 0
+        return 1 if self._joint else 2
 
     def score(self, sums: Floats, turned: Floats) -> Residuals:
         """

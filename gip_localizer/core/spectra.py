@@ -118,7 +118,7 @@ class OpenCVTransform:
 
     def forward(self, plane: Plane, rows: int, out: Plane) -> None:
         """Transform a plane."""
-        cv2.dft(_channels(plane), dst=_channels(out))
+        cv2.dft(channels(plane), dst=channels(out))
 
     def backward(self, spectrum: Plane, rows: int, out: Plane) -> Plane:
         """Return the transform of a spectrum, in `out`."""
@@ -126,7 +126,8 @@ class OpenCVTransform:
         return out
 
 
-def _channels(plane: Plane) -> Floats:
+def channels(plane: Plane) -> Floats:
+    """Return the real and the imaginary part (rows, cols, 2) of a plane, without a copy."""
     return plane.view(np.float32).reshape(*plane.shape, 2)
 
 

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import scipy
 
+from gip_localizer.core.compiled import AVAILABLE
 from gip_localizer.core.threads import WORKERS
 
 
@@ -25,6 +26,7 @@ def machine() -> dict[str, Any]:
         'python': platform.python_version(), 'numpy': np.__version__, 'scipy': scipy.__version__,
         'opencv': cv2.__version__, 'opencv_ipp': bool(getattr(cv2, 'ipp', None))
         and bool(cv2.ipp.useIPP()), 'opencv_threads': cv2.getNumThreads(),
+        'compiled_kernels': AVAILABLE,
         'openblas_threads': os.environ.get('OPENBLAS_NUM_THREADS', 'all'),
         'gip_localizer': _own_version(),
     }

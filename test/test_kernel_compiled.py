@@ -1,0 +1,241 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The compiled loops against definitions in float64, and the way without them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+import pytest
+from scipy import sparse
+
+from gip_localizer.core import compiled, joining
+from gip_localizer.core.byte_footprints import BLOCK
+from gip_localizer.core.few_sums import correlate_few, Pairs, Stack
+from gip_localizer.core.footprint_means import FootprintMeans
+from gip_localizer.core.footprints import PARTS
+from gip_localizer.core.joining import joined
+from gip_localizer.core.turning import MARGIN, MOST_SLOPE, Templates
+
+needs_kernels = pytest.mark.skipif(not compiled.AVAILABLE, reason='no C compiler built them')
+
+
+def answer(compiled: str, code: str, *arguments: str) -> str:
+    """What a new process prints, with GIP_COMPILED set."""
+    done = subprocess.run(
+        [sys.executable, '-c', code, *arguments], capture_output=True, text=True, check=True,
+        env={**os.environ, 'GIP_COMPILED': compiled},
+    )
+    return done.stdout
+
+
+@pytest.mark.skipif(not shutil.which('gcc'), reason='no GCC here')
+def test_where_there_is_a_compiler_the_loops_are_built():
+    assert os.environ.get('GIP_COMPILED') == '0' or compiled.AVAILABLE
+
+
+def test_the_environment_can_leave_them_out():
+    code = 'from gip_localizer.core.compiled import AVAILABLE; print(AVAILABLE)'
+    assert answer('0', code) == 'False\n'
+
+
+@needs_kernels
+def test_a_build_of_other_functions_is_left_out(monkeypatch):
+    monkeypatch.setattr(compiled, 'VERSION', compiled.VERSION + 1)
+    assert compiled._load() is None
+
+
+def overlap(rows: int, width: int, cells: int, seed: int = 1) -> sparse.csr_matrix:
+    """Shares of pixels on cells, some cells without pixels."""
+    rng = np.random.default_rng(seed)
+    matrix = sparse.lil_matrix((cells, rows * width), dtype=np.float32)
+    for cell in range(1, cells):
+        row, col = rng.integers(0, rows), rng.integers(0, width)
+        high, wide = rng.integers(1, 5), rng.integers(1, 40)
+        for r in range(row, min(row + high, rows)):
+            for c in range(col, min(col + wide, width)):
+                matrix[cell, r * width + c] = rng.integers(1, PARTS + 1) / PARTS
+    made = matrix.tocsr()
+    made.sort_indices()
+    return made
+
+
+@needs_kernels
+@pytest.mark.parametrize('width', [BLOCK, BLOCK + 1, 57])
+def test_means_of_bytes_equal_the_definition(width):
+    matrix = overlap(9, width, 40)
+    image = np.random.default_rng(2).integers(0, 256, (9, width), np.uint8)
+    image[:2] = 255
+    means = FootprintMeans(matrix, width)
+    sums = matrix.astype(float) @ image.ravel()
+    areas = np.asarray(matrix.sum(axis=1), float).ravel()
+    expected = np.divide(sums, 255.0 * areas, out=np.zeros_like(sums), where=areas > 0.0)
+    np.testing.assert_allclose(means.of(image), expected, rtol=2e-7)
+    wide = np.zeros((20, 2 * width + 3), np.uint8)
+    wide[4:13, 3 : 3 + width] = image
+    parts = [wide[4:13, 3 : 3 + width], np.asfortranarray(image), image[::-1][::-1]]
+    for part in parts:
+        np.testing.assert_array_equal(means.of(part), means.of(image))
+    np.testing.assert_allclose(means.of(image.astype(np.float32) / 255), expected, rtol=3e-6)
+
+
+@pytest.mark.parametrize('width', [3, BLOCK - 1])
+def test_images_narrower_than_a_block_are_averaged_too(width):
+    matrix = overlap(9, width, 12)
+    image = np.full((9, width), 51, np.uint8)
+    found = FootprintMeans(matrix, width).of(image)
+    np.testing.assert_allclose(found[1:], 0.2, rtol=1e-6)
+    assert found[0] == 0.0
+
+
+@pytest.mark.parametrize('shape', [(8, 57), (10, 57), (9, 56), (9, 58), (57, 9)])
+def test_an_image_of_another_size_is_told(shape):
+    with pytest.raises(ValueError, match=r'image of shape .*, footprints on \(9, 57\)'):
+        FootprintMeans(overlap(9, 57, 5), 57).of(np.zeros(shape, np.uint8))
+
+
+@needs_kernels
+@pytest.mark.parametrize('size', [(1, 1, 1, 1), (1, 1, 5, 7), (2, 9, 3, 4), (3, 8, 4, 9),
+                                  (33, 17, 7, 5), (70, 61, 9, 9), (32, 16, 1, 3), (64, 40, 2, 1)])
+def test_few_sums_equal_the_definition(size):
+    rows, cols, n_x, n_y = size
+    rng = np.random.default_rng(3)
+    templates = (rng.random((2, rows, cols + 3), np.float32) - np.float32(0.5))[:, :, :cols]
+    fields = rng.random((2, rows + n_x + 2, cols + n_y + 3), np.float32) - np.float32(0.5)
+    pairs, start = [(0, 1), (1, 0), (1, 1)], (2, 3)
+    windows = sliding_window_view(fields[:, 2:-1, 3:-1].astype(float), (rows, cols), axis=(1, 2))
+    expected = sum((windows[f] * templates[t]).sum(axis=(2, 3)) for t, f in pairs)
+    found = np.full((n_x, n_y), np.nan, np.float32)
+    correlate_few(Stack(templates), Stack(fields), Pairs(pairs), start, found)
+    np.testing.assert_allclose(found, expected, atol=1e-6 * rows * cols / 12.0)
+
+
+@needs_kernels
+@pytest.mark.parametrize('start', [(-1, 0), (0, -1), (4, 0), (0, 3)])
+def test_few_sums_read_nothing_beyond_the_fields(start):
+    templates, fields = np.zeros((1, 5, 6), np.float32), np.zeros((1, 10, 11), np.float32)
+    with pytest.raises(AssertionError):
+        correlate_few(Stack(templates), Stack(fields), Pairs([(0, 0)]), start,
+                      np.zeros((3, 4), np.float32))
+
+
+def bilinear(plane: np.ndarray, affine: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """The plane at the cells of the canvas in float64, 0 beyond it."""
+    rows, cols = np.mgrid[: shape[0], : shape[1]]
+    x, y = (a * cols + b * rows + c for a, b, c in affine)
+    padded = np.zeros((plane.shape[0] + 4, plane.shape[1] + 4))
+    padded[2:-2, 2:-2] = plane
+    x = np.clip(x, -2.0, plane.shape[1]) + 2.0
+    y = np.clip(y, -2.0, plane.shape[0]) + 2.0
+    c, r = np.floor(x).astype(int), np.floor(y).astype(int)
+    right, down = x - c, y - r
+    above = (1.0 - right) * padded[r, c] + right * padded[r, c + 1]
+    below = (1.0 - right) * padded[r + 1, c] + right * padded[r + 1, c + 1]
+    return (1.0 - down) * above + down * below
+
+
+@needs_kernels
+@pytest.mark.parametrize('yaw', [0.0, 0.004, -0.02, 0.09, -0.14, MOST_SLOPE])
+@pytest.mark.parametrize('shape', [(30, 25), (7, 3), (61, 80)])
+def test_turning_by_little_equals_the_definition(yaw, shape):
+    planes = np.random.default_rng(4).random((3, 40, 31), np.float32)
+    c, s = np.cos(yaw), np.sin(yaw)
+    turn = np.array([[c, -s], [s, c]])
+    middle = np.array([15.0, 19.5]) - turn @ np.array([shape[1] - 1.0, shape[0] - 1.0]) / 2.0
+    affine = np.hstack([turn, middle[:, None]])
+    templates = Templates(3, (40, 31))
+    templates.planes[:] = planes
+    out = np.full((3, shape[0] + 2, shape[1] + 5), np.nan, np.float32)
+    templates.turn_into(out[:, 1:-1, 2:-3], affine)
+    for plane, turned in zip(planes, out[:, 1:-1, 2:-3], strict=True):
+        np.testing.assert_allclose(turned, bilinear(plane, affine, shape), atol=3e-6)
+    out[:, 1:-1, 2:-3] = np.nan
+    assert np.isnan(out).all()  # nothing else was written
+
+
+@needs_kernels
+@pytest.mark.parametrize('shift', [-1e4, -60.0, -1.0, 45.5, 1e4])
+def test_a_plane_beside_the_canvas_leaves_zeros(shift):
+    templates = Templates(1, (10, 12))
+    templates.planes[:] = 1.0
+    for affine in ([[1.0, 0.0, shift], [0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0], [0.0, 1.0, shift]]):
+        out = np.full((1, 20, 33), np.nan, np.float32)
+        templates.turn_into(out, np.array(affine))
+        expected = bilinear(np.ones((10, 12)), np.array(affine), (20, 33))
+        np.testing.assert_allclose(out[0], expected, atol=1e-6)
+
+
+def by_definition(values, factor, shape, corner, smooth, replicate):
+    """Means in float64 over the cells, and what lies about them."""
+    reach = 3 * factor + max(abs(n) for n in corner) + max(shape) * factor
+    mode = {'mode': 'edge'} if replicate else {'mode': 'constant'}
+    field = np.pad(values.astype(float), reach, **mode)
+    if smooth:
+        box = np.ones(factor) / factor
+        kernel = np.convolve(box, [0.5, 0.5]) if factor % 2 == 0 else box
+        field = cv2.sepFilter2D(field, cv2.CV_64F, kernel, kernel)
+    top, left = (reach - n for n in corner)
+    part = field[top : top + shape[0] * factor, left : left + shape[1] * factor]
+    return part.reshape(shape[0], factor, shape[1], factor).mean(axis=(1, 3))
+
+
+CORNERS = [((0, 0), (11, 8)), ((2, 1), (12, 10)), ((-4, -3), (7, 6)), ((5, -2), (10, 7))]
+
+
+@needs_kernels
+@pytest.mark.parametrize(('corner', 'shape'), CORNERS)
+@pytest.mark.parametrize('factor', [2, 3, 4])
+@pytest.mark.parametrize('smooth', [False, True])
+@pytest.mark.parametrize('replicate', [False, True])
+def test_joined_cells_equal_the_definition(corner, shape, factor, smooth, replicate):
+    values = np.random.default_rng(5).random((31, 27), np.float32)[:, 2:-1]
+    found = joined(values, factor, shape, corner=corner, smooth=smooth, replicate=replicate)
+    expected = by_definition(values, factor, shape, corner, smooth, replicate)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(('corner', 'shape'), CORNERS)
+@pytest.mark.parametrize('factor', [2, 3, 4])
+@pytest.mark.parametrize('replicate', [False, True])
+def test_cells_are_joined_without_the_loop_too(corner, shape, factor, replicate, monkeypatch):
+    monkeypatch.setattr(joining, 'AVAILABLE', False)
+    values = np.random.default_rng(5).random((31, 27), np.float32)
+    found = joined(values, factor, shape, corner=corner, replicate=replicate)
+    expected = by_definition(values, factor, shape, corner, False, replicate)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_the_margin_is_as_wide_as_the_loop_reads():
+    assert MARGIN >= 8 + 2  # LANES + 2 of kernels/turn.c
+    assert MOST_SLOPE * (8 - 1) <= 1.0
+
+
+
+FOLDER = str(Path(__file__).parent)
+WINNERS = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from test_kernel_pyramid import level, pyramid_winner, exhaustive_winner, RULE
+for seed in range(3):
+    for search in (exhaustive_winner, pyramid_winner):
+        for normalized in (False, True):
+            found = search(level(seed, hole=seed == 2), normalized=normalized, **RULE)
+            print(*found.index, found.residual)
+"""
+
+
+@needs_kernels
+def test_searches_find_the_same_without_them():
+    found = [
+        np.array([line.split() for line in answer(state, WINNERS, FOLDER).splitlines()], float)
+        for state in '10'
+    ]
+    np.testing.assert_array_equal(found[0][:, :3], found[1][:, :3])
+    np.testing.assert_allclose(found[0][:, 3], found[1][:, 3], rtol=1e-4)
