@@ -18,7 +18,7 @@ from scipy import sparse
 
 from gip_localizer.core import compiled, joining
 from gip_localizer.core.byte_footprints import BLOCK
-from gip_localizer.core.few_sums import correlate_few, Pairs, Stack
+from gip_localizer.core.comparison import Comparison, Room
 from gip_localizer.core.footprint_means import FootprintMeans
 from gip_localizer.core.footprints import PARTS
 from gip_localizer.core.joining import joined
@@ -107,23 +107,47 @@ def test_an_image_of_another_size_is_told(shape):
 def test_few_sums_equal_the_definition(size):
     rows, cols, n_x, n_y = size
     rng = np.random.default_rng(3)
-    templates = (rng.random((2, rows, cols + 3), np.float32) - np.float32(0.5))[:, :, :cols]
+    turned = (rng.random((2, rows, cols + 3), np.float32) - np.float32(0.5))[:, :, :cols]
     fields = rng.random((2, rows + n_x + 2, cols + n_y + 3), np.float32) - np.float32(0.5)
-    pairs, start = [(0, 1), (1, 0), (1, 1)], (2, 3)
+    terms, start = [((0, 1), (1, 0), (1, 1)), ((1, 1),)], (2, 3)
     windows = sliding_window_view(fields[:, 2:-1, 3:-1].astype(float), (rows, cols), axis=(1, 2))
-    expected = sum((windows[f] * templates[t]).sum(axis=(2, 3)) for t, f in pairs)
-    found = np.full((n_x, n_y), np.nan, np.float32)
-    correlate_few(Stack(templates), Stack(fields), Pairs(pairs), start, found)
-    np.testing.assert_allclose(found, expected, atol=1e-6 * rows * cols / 12.0)
+    found = np.full((1, 2, n_x, n_y), np.nan, np.float32)
+    comparison = Comparison(Templates(2, (4, 5)), fields, terms, 0)
+    none = np.empty((1, 0), np.float32)
+    comparison.compare([np.eye(2, 3)], [Room(turned)], [True], none, start, found)
+    for sums, term in zip(found[0], terms, strict=True):
+        expected = sum((windows[f] * turned[t]).sum(axis=(2, 3)) for t, f in term)
+        np.testing.assert_allclose(sums, expected, atol=1e-6 * rows * cols / 12.0)
 
 
 @needs_kernels
 @pytest.mark.parametrize('start', [(-1, 0), (0, -1), (4, 0), (0, 3)])
 def test_few_sums_read_nothing_beyond_the_fields(start):
-    templates, fields = np.zeros((1, 5, 6), np.float32), np.zeros((1, 10, 11), np.float32)
+    room, fields = Room(np.zeros((1, 5, 6), np.float32)), np.zeros((1, 10, 11), np.float32)
+    comparison = Comparison(Templates(1, (5, 6)), fields, [((0, 0),)], 0)
+    none, sums = np.empty((1, 0), np.float32), np.zeros((1, 1, 3, 4), np.float32)
     with pytest.raises(AssertionError):
-        correlate_few(Stack(templates), Stack(fields), Pairs([(0, 0)]), start,
-                      np.zeros((3, 4), np.float32))
+        comparison.compare([np.eye(2, 3)], [room], [True], none, start, sums)
+
+
+@needs_kernels
+@pytest.mark.parametrize('yaws', [[0.0, 0.05, -0.1], [0.0, 0.5], [-2.0, 0.1, 3.1]])
+def test_turns_and_their_sums_are_those_of_single_ones(yaws):
+    """Some by the loop, some by OpenCV."""
+    templates = Templates(3, (20, 16))
+    templates.planes[:] = np.random.default_rng(6).random((3, 20, 16), np.float32)
+    fields = np.random.default_rng(7).random((1, 30, 29), np.float32)
+    affines = [np.array([[np.cos(a), -np.sin(a), 3.0], [np.sin(a), np.cos(a), 2.0]]) for a in yaws]
+    comparison = Comparison(templates, fields, [((2, 0),), ((0, 0), (1, 0))], 2)
+    room = Room(np.empty((3, 25, 22), np.float32))
+    sums, totals = comparison.sums_in(room, affines, (4, 5))
+    windows = sliding_window_view(fields[0], (25, 22))[:4, :5]
+    for k, affine in enumerate(affines):
+        turned = np.empty((3, 25, 22), np.float32)
+        templates.turn_into(turned, affine)
+        np.testing.assert_allclose(totals[k], turned[:2].sum(axis=(1, 2)), rtol=1e-5)
+        for found, plane in zip(sums[:, k], (turned[2], turned[0] + turned[1]), strict=True):
+            np.testing.assert_allclose(found, (windows * plane).sum(axis=(2, 3)), rtol=1e-5)
 
 
 def bilinear(plane: np.ndarray, affine: np.ndarray, shape: tuple[int, int]) -> np.ndarray:

@@ -22,12 +22,22 @@ from gip_localizer.core.arrays import Grey
 
 VERSION = 1  # of the functions, as in kernels/version.c
 SIZE, ADDRESS = ctypes.c_ssize_t, ctypes.c_void_p
+_Nothing = ctypes.c_char * 0
 
 
 class Planes(ctypes.Structure):
     """Address of (n, rows, cols) float32, and floats from plane to plane and from row to row."""
 
     _fields_ = (('first', ADDRESS), ('plane_step', SIZE), ('row_step', SIZE))
+
+
+class Comparison(ctypes.Structure):
+    """What of a view is compared with what of a map window, as kernels/compare.c says."""
+
+    _fields_ = (
+        ('templates', Planes), ('count', SIZE), ('rows', SIZE), ('cols', SIZE), ('fields', Planes),
+        ('pairs', ADDRESS), ('pairs_of_term', ADDRESS), ('terms', SIZE), ('totals', SIZE),
+    )
 
 
 def _load() -> ctypes.CDLL | None:
@@ -44,7 +54,8 @@ def _load() -> ctypes.CDLL | None:
     planes = ctypes.POINTER(Planes)
     arguments = {
         'footprint_means': [ADDRESS, SIZE, *[ADDRESS] * 7],
-        'correlate_few': [planes, planes, ADDRESS, *[SIZE] * 7, ADDRESS],
+        'compare_turned': [ctypes.POINTER(Comparison), SIZE, ADDRESS, ADDRESS, planes, SIZE, SIZE,
+                           ADDRESS, *[SIZE] * 4, ADDRESS],
         'turn_little': [planes, SIZE, SIZE, ADDRESS, planes, *[SIZE] * 3],
         'join_cells': [ADDRESS, *[SIZE] * 5, ADDRESS, *[SIZE] * 2, ctypes.c_int, ADDRESS, ADDRESS,
                        SIZE, SIZE],
@@ -68,13 +79,16 @@ def kernels() -> ctypes.CDLL:
 def address(array: Grey, kind: type) -> int:
     """Return the address of an array without gaps."""
     assert array.flags.c_contiguous
-    return row_address(array, kind)
+    assert array.dtype == kind
+    if array.flags.writeable:  # a third of the time
+        return ctypes.addressof(_Nothing.from_buffer(array.data))
+    return array.ctypes.data
 
 
 def row_address(array: Grey, kind: type) -> int:
     """Return the address of an array whose rows have no gaps."""
     assert array.dtype == kind
-    assert array.strides[-1] == array.itemsize
+    assert array.size == 0 or array.strides[-1] == array.itemsize
     return array.ctypes.data
 
 

@@ -3,8 +3,8 @@
 """
 Sums of products of turned templates and map fields, over all translations.
 
-A term is `S[d] = Σ_pairs Σ_i T_p[i] F_p[i + d]`. Few translations are done by the compiled loop,
-or without it as one matrix product per map row over all yaws; many by transforms: the fields'
+A term is `S[d] = Σ_pairs Σ_i T_p[i] F_p[i + d]`. Few translations are done as one matrix product
+per map row over all yaws (or by the compiled loops, `comparison`), many by transforms: the fields'
 spectra serve all yaws, and the pairs of a term are added up as spectra, so that each term costs
 one transform back for two yaws.
 
@@ -13,7 +13,6 @@ one transform back for two yaws.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
 import math
 import threading
 
@@ -22,8 +21,6 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.compiled import AVAILABLE
-from gip_localizer.core.few_sums import correlate_few, Pairs, Stack
 from gip_localizer.core.spectra import channels, field_spectrum, make_transform, Plane, Transform
 from gip_localizer.core.threads import in_parallel, shares
 
@@ -41,7 +38,6 @@ PRODUCT_YAWS = 32  # at once, which bounds the memory
 PRODUCT_PARTS = 2  # of the map rows, summed apart; fixed, so that bytes do not depend on cores
 KEPT_BYTES = 1 << 23  # of an array, above which it is not kept between frames
 WORTH_A_THREAD = 150_000  # cells of all yaws, below which threads wait more than they work
-PRODUCTS_WORTH_A_THREAD = 5_000_000  # in compiled loops likewise
 
 
 def correlate(
@@ -68,7 +64,7 @@ def correlate(
     n_x, n_y = (1 + fields.shape[k + 1] - canvas[k] for k in (0, 1))
     few = n_x * n_y * math.prod(canvas) <= PATCH_CELLS
     if few or not takes_transforms(n_x, n_y):
-        multiply = by_loops if AVAILABLE else by_patches if few else by_products
+        multiply = by_patches if few else by_products
         for start in range(0, yaws, PRODUCT_YAWS):
             batch = range(start, min(start + PRODUCT_YAWS, yaws))
             multiply(fields, terms, batch, canvas=canvas, turn=turn, sink=sink)
@@ -178,28 +174,6 @@ def _desk(transform: Transform, templates: int, terms: int, size: tuple[int, int
     if desk.plane.nbytes <= KEPT_BYTES:
         _kept.key, _kept.desk = key, desk
     return desk
-
-
-as_pairs = cache(Pairs)
-
-def by_loops(
-    fields: Floats, terms: Sequence[Term], yaws: range, *, canvas: tuple[int, int],
-    turn: Turn, sink: Sink,
-) -> None:
-    """Correlate as `correlate` does, with the compiled loop."""
-    n_x, n_y = 1 + fields.shape[1] - canvas[0], 1 + fields.shape[2] - canvas[1]
-    stack, sums = Stack(fields), np.empty((len(terms), len(yaws), n_x, n_y), np.float32)
-
-    def work(share: range) -> None:
-        turned = Stack(_room('turned', (_templates(terms), *canvas)))
-        for k in share:
-            turn(yaws[k], turned.planes)
-            for out, term in zip(sums, terms, strict=True):
-                correlate_few(turned, stack, as_pairs(term), (0, 0), out[k])
-
-    products = sums.size * math.prod(canvas)
-    in_parallel(work, shares(len(yaws)), worth_it=products >= PRODUCTS_WORTH_A_THREAD)
-    sink(yaws, sums)
 
 
 def by_patches(

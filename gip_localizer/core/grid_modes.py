@@ -23,13 +23,16 @@ class Surface:
         self._residual = residual
 
     def __getitem__(self, place: Index) -> float:
-        return float(self._residual[place])
+        return self._residual.item(place)
 
     def get(self, place: Index, default: float) -> float:
         """Return a residual, or the default outside the lattice."""
-        if all(0 <= n < size for n, size in zip(place, self._residual.shape, strict=True)):
-            return float(self._residual[place])
-        return default
+        if min(place) < 0:
+            return default
+        try:
+            return self._residual.item(place)
+        except IndexError:
+            return default
 
 
 def modes_of(

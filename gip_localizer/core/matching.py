@@ -12,12 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
+import math
 
-import cv2
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye import View
+from gip_localizer.core.comparison import Comparison, Room
+from gip_localizer.core.compiled import AVAILABLE
 from gip_localizer.core.correlation import correlate, takes_transforms
 from gip_localizer.core.footprints import Grid
 from gip_localizer.core.lattice import (
@@ -33,10 +36,12 @@ from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.core.scoring import Residuals, Scorer
 from gip_localizer.core.spectra import cost
 from gip_localizer.core.support import make_parts, Part
+from gip_localizer.core.threads import in_parallel, WORKERS
 from gip_localizer.core.turning import turn_affine
 
 __all__ = ['Lattice', 'Scores', 'make_lattice', 'match', 'rotated']
 
+WORTH_A_THREAD = 5_000_000  # products, below which threads wait more than they work
 Keep = Callable[[slice, Residuals], None]
 """Takes yaws (indices) and their residuals (yaws, x, y), valid during the call only."""
 
@@ -125,6 +130,9 @@ def score_yaws(
     """Give the residuals (yaws, x, y) of all yaws to `keep`, in any order, from threads."""
     affines = [turn_affine(grid, canvas, float(yaw), lattice.pivot) for yaw in lattice.yaws]
     n_x, n_y = lattice.shape[1:]
+    if AVAILABLE and not takes_transforms(n_x, n_y):
+        _score_by_loops(scorer, affines, canvas.shape, keep)
+        return
     parts = [Part(range(len(affines)), slice(0, canvas.rows), slice(0, canvas.cols))]
     if takes_transforms(n_x, n_y):
         parts = make_parts(
@@ -144,14 +152,31 @@ def _moved(affine: Floats, row: int, col: int) -> Floats:
     return np.hstack([affine[:, :2], affine[:, 2:] + affine[:, :2] @ [[col], [row]]])
 
 
+def _score_by_loops(scorer: Scorer, affines: list[Floats], canvas: tuple[int, int],
+                    keep: Keep) -> None:
+    """Score few translations of all yaws with the compiled loops."""
+    size = tuple(1 + n - k for n, k in zip(scorer.fields.shape[1:], canvas, strict=True))
+    comparison = Comparison(scorer.templates, scorer.fields, scorer.terms, scorer.sums_needed)
+
+    def work(yaws: slice) -> None:
+        room = Room(np.empty((len(scorer.templates.planes), *canvas), np.float32))
+        sums, turned = comparison.sums_in(room, affines[yaws], size)
+        keep(yaws, scorer.score(sums, turned[:, :, None, None]))
+
+    count = len(affines)
+    products = count * math.prod(size) * math.prod(canvas)
+    parts = WORKERS if products >= WORTH_A_THREAD else 1
+    cuts = np.linspace(0, count, min(parts, count) + 1).astype(int).tolist()
+    in_parallel(work, [slice(a, b) for a, b in pairwise(cuts)])
+
+
 def _score_part(
     scorer: Scorer, fields: Floats, affines: list[Floats], part: Part, keep: Keep
 ) -> None:
-    sums = np.zeros((len(affines), 2), np.float32)
+    sums = np.empty((len(affines), scorer.sums_needed), np.float32)
 
     def turn(yaw: int, out: Floats) -> None:
-        scorer.templates.turn_into(out, affines[yaw])
-        sums[yaw, : scorer.sums_needed] = [cv2.sumElems(t)[0] for t in out[: scorer.sums_needed]]
+        sums[yaw] = scorer.templates.turned(out, affines[yaw], scorer.sums_needed)
 
     def sink(yaws: range, terms: Floats) -> None:
         first = part.yaws.start

@@ -12,18 +12,15 @@ product of long vectors.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
 from functools import lru_cache
 from itertools import groupby, product
 
-import cv2
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
+from gip_localizer.core.comparison import Comparison, Room
 from gip_localizer.core.compiled import AVAILABLE
-from gip_localizer.core.correlation import as_pairs, Term
-from gip_localizer.core.few_sums import correlate_few, Stack
 from gip_localizer.core.field_level import Level
 from gip_localizer.core.scoring import Scorer
 from gip_localizer.core.turning import turn_affine
@@ -35,72 +32,45 @@ SPARE_ROOMS = 32
 SPARE_BYTES = 1 << 20  # of each, at most
 
 
-@dataclass(frozen=True)
-class _Block:
-    """Candidates of one yaw, in the order of a (n_x, n_y) array from a place on."""
-
-    place: Index
-    n_x: int
-    n_y: int
+Rectangle = tuple[int, int, int, int]
+"""First x and y of some translations, and how many there are in x and in y."""
 
 
-def _blocks(places: list[Index]) -> Iterator[_Block]:
-    """Divide sorted candidates into blocks."""
-    last: _Block | None = None
+def _rectangles(places: list[Index]) -> dict[Rectangle, list[int]]:
+    """Divide sorted candidates into rectangles, each of one or more yaws."""
+    found: dict[Rectangle, list[int]] = {}
+    last: tuple[int, Rectangle] | None = None
     # neighbours in y, one after the other, have the same difference
     for _, run in groupby(enumerate(places), lambda n: (n[1][:2], n[0] - n[1][2])):
-        (_, place), *others = run
-        count = 1 + len(others)
-        if last and place == (last.place[0], last.place[1] + last.n_x, last.place[2]) and (
-            count == last.n_y
-        ):
-            last = _Block(last.place, last.n_x + 1, count)
-            continue
-        if last:
-            yield last
-        last = _Block(place, 1, count)
-    if last:
-        yield last
-
-
-class _Room:
-    """
-    Room for the templates of one yaw, turned, with rows as long as the window's.
-
-    Attributes
-    ----------
-    rows : (templates, rows, window cols) float32
-        0 beyond the canvas.
-    turned : (templates, rows, cols) float32
-        The part of it that is on the canvas.
-    stack : Stack or None
-        The same for the compiled loop.
-
-    """
-
-    def __init__(self, shape: tuple[int, int, int], cols: int) -> None:
-        self.rows = np.zeros(shape, np.float32)
-        self.turned = self.rows[:, :, :cols]
-        self.stack = Stack(self.turned) if AVAILABLE else None
+        (_, (yaw, x, y)), *others = run
+        n_x, count = 1, 1 + len(others)
+        if last and last[0] == yaw:
+            first_x, first_y, high, wide = last[1]
+            if (first_x + high, first_y, wide) == (x, y, count):
+                found[last[1]].pop()
+                x, n_x = first_x, high + 1
+        last = yaw, (x, y, n_x, count)
+        found.setdefault(last[1], []).append(yaw)
+    return {rectangle: yaws for rectangle, yaws in found.items() if yaws}
 
 
 class _Rooms:
-    """Rooms of one shape that are used again."""
+    """Rooms of one shape (templates, rows, cols) that are used again."""
 
     def __init__(self, shape: tuple[int, int, int], cols: int) -> None:
         self._shape, self._cols = shape, cols
-        self._spare: deque[_Room] = deque(maxlen=SPARE_ROOMS)
+        self._spare: deque[Room] = deque(maxlen=SPARE_ROOMS)
 
-    def take(self) -> _Room:
-        """Return a room that holds anything on the canvas."""
+    def take(self) -> Room:
+        """Return a room whose first columns hold anything, the others zeros."""
         try:
             return self._spare.pop()
         except IndexError:
-            return _Room(self._shape, self._cols)
+            return Room(np.zeros(self._shape, np.float32)[:, :, : self._cols])
 
-    def put(self, room: _Room) -> None:
+    def put(self, room: Room) -> None:
         """Take a room back."""
-        if room.rows.nbytes <= SPARE_BYTES:
+        if room.planes.nbytes <= SPARE_BYTES:
             self._spare.append(room)
 
 
@@ -147,13 +117,14 @@ class Probe:
             level.values, level.weight, level.window[part], level.known[part],
             normalized=normalized, min_overlap=min_overlap, residual_only=True,
         )
-        self._width = self._scorer.fields.shape[2]
-        self._fields = self._scorer.fields.reshape(len(self._scorer.fields), -1)
-        self._stack = Stack(self._scorer.fields) if AVAILABLE else None
-        self._turned: dict[int, _Room] = {}
-        self._sums = np.zeros((len(level.lattice.yaws), 2), np.float32)
-        templates = len(self._scorer.templates.planes)
-        self._rooms = _rooms_of((templates, canvas.rows, self._width), canvas.cols)
+        templates, fields = self._scorer.templates, self._scorer.fields
+        self._comparison = Comparison(
+            templates, fields, self._scorer.terms, self._scorer.sums_needed
+        ) if AVAILABLE else None
+        self._turned: dict[int, Room] = {}
+        self._totals = np.zeros((len(level.lattice.yaws), self._scorer.sums_needed), np.float32)
+        shape = len(templates.planes), canvas.rows, fields.shape[2]
+        self._rooms = _rooms_of(shape, canvas.cols)
         self.known: dict[Index, float] = {}
 
     def close(self) -> None:
@@ -197,40 +168,47 @@ class Probe:
         """Make candidates known that are not, in their order."""
         if not new:
             return
-        sums = np.empty((len(self._scorer.terms), len(new)), np.float32)
-        first = 0
-        for block in _blocks(new):
-            size = block.n_x * block.n_y
-            for term, row in zip(self._scorer.terms, sums, strict=True):
-                out = row[first : first + size].reshape(block.n_x, block.n_y)
-                self._correlate(block.place, term, out)
-            first += size
-        turned = self._sums[[place[0] for place in new]]
-        residual = self._scorer.score(sums, turned).residual
-        self.known.update(zip(new, residual.tolist(), strict=True))
+        sums: list[Floats] = []
+        places: list[Index] = []
+        for (x, y, n_x, n_y), yaws in _rectangles(new).items():
+            start = x - self._low[0], y - self._low[1]
+            of_yaws = np.empty((len(yaws), len(self._scorer.terms), n_x, n_y), np.float32)
+            self._sum_up(yaws, start, of_yaws)
+            sums.append(of_yaws.swapaxes(0, 1).reshape(len(self._scorer.terms), -1))
+            places.extend(product(yaws, range(x, x + n_x), range(y, y + n_y)))
+        totals = self._totals[[place[0] for place in places]]
+        found = self._scorer.score(np.concatenate(sums, axis=1), totals)
+        self.known.update(zip(places, found.residual.tolist(), strict=True))
 
-    def _correlate(self, place: Index, term: Term, out: Floats) -> None:
-        """Write a term (n_x, n_y) of the neighbours from a place on."""
-        yaw, x, y = place[0], place[1] - self._low[0], place[2] - self._low[1]
-        room = self._turned.get(yaw) or self._turn(yaw)
-        if room.stack and self._stack:
-            correlate_few(room.stack, self._stack, as_pairs(term), (x, y), out)
-            return
-        rows, cols = self._level.canvas.shape
-        length = (rows - 1) * self._width + cols
-        runs = room.rows.reshape(len(room.rows), -1)[:, :length]
-        for k, row in enumerate(out):
-            first = (x + k) * self._width + y
-            parts = self._fields[:, first : first + length + len(row) - 1]
-            row[:] = sum(np.correlate(parts[field], runs[t]) for t, field in term)
+    def _sum_up(self, yaws: list[int], start: tuple[int, int], out: Floats) -> None:
+        """Write the terms (yaws, terms, n_x, n_y) of neighbours from a place on."""
+        affines = [self._affine(yaw) for yaw in yaws]
+        turned = [yaw in self._turned for yaw in yaws]
+        for yaw, there in zip(yaws, turned, strict=True):
+            if not there:
+                self._turned[yaw] = self._rooms.take()
+        rooms, totals = [self._turned[yaw] for yaw in yaws], self._totals[yaws]
+        if self._comparison:
+            self._comparison.compare(affines, rooms, turned, totals, start, out)
+        else:
+            for k, (room, affine) in enumerate(zip(rooms, affines, strict=True)):
+                if not turned[k]:
+                    totals[k] = self._scorer.templates.turned(room.planes, affine, totals.shape[1])
+                self._by_runs(room, start, out[k])
+        self._totals[yaws] = totals
 
-    def _turn(self, yaw: int) -> _Room:
-        """Turn the templates; keep them and their sums."""
-        room = self._turned[yaw] = self._rooms.take()
-        self._scorer.templates.turn_into(room.turned, self._affine(yaw))
-        for template in range(self._scorer.sums_needed):
-            self._sums[yaw, template] = cv2.sumElems(room.turned[template])[0]
-        return room
+    def _by_runs(self, room: Room, start: tuple[int, int], out: Floats) -> None:
+        """Write the terms (terms, n_x, n_y) of one yaw as products of long vectors."""
+        templates, rows, cols = room.planes.shape
+        count, _, width = self._scorer.fields.shape
+        length = (rows - 1) * width + cols
+        assert room.planes.base is not None
+        runs = room.planes.base.reshape(templates, -1)[:, :length]
+        flat = self._scorer.fields.reshape(count, -1)
+        for (k, term), x in product(enumerate(self._scorer.terms), range(out.shape[1])):
+            first = (start[0] + x) * width + start[1]
+            parts = flat[:, first : first + length + out.shape[2] - 1]
+            out[k, x] = sum(np.correlate(parts[field], runs[t]) for t, field in term)
 
     def _affine(self, yaw: int) -> Floats:
         level = self._level

@@ -51,7 +51,7 @@ class Templates:
 
     def turn_into(self, out: Floats, affine: Floats) -> None:
         """Turn by `turn_affine` into (count, rows, cols) float32, which may be part of another."""
-        if AVAILABLE and abs(affine[1, 0]) <= MOST_SLOPE and affine[0, 0] > 0.0:
+        if AVAILABLE and is_little(affine):
             _, rows, cols = self.planes.shape
             kernels().turn_little(
                 self._c_planes, rows, cols, address(affine, np.float64), c_planes(out), *out.shape
@@ -62,6 +62,16 @@ class Templates:
                 plane, affine, (out.shape[2], out.shape[1]), dst=turned,
                 flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_CONSTANT,
             )
+
+    def turned(self, out: Floats, affine: Floats, count: int) -> list[float]:
+        """Turn as `turn_into` does; return the sums of the first `count` turned planes."""
+        self.turn_into(out, affine)
+        return [cv2.sumElems(plane)[0] for plane in out[:count]]
+
+
+def is_little(affine: Floats) -> bool:
+    """Tell whether the compiled loop can turn so far."""
+    return bool(abs(affine[1, 0]) <= MOST_SLOPE and affine[0, 0] > 0.0)
 
 
 def turn_affine(grid: Grid, canvas: Grid, yaw: float, pivot: float) -> Floats:

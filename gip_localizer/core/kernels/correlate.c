@@ -3,10 +3,10 @@
 //
 // Sums of products of templates and fields over few translations.
 
-#include "lanes.h"
+#include "kernels.h"
 
 #define MOST_X 3  // translations that share what is read
-#define MOST_Y 4
+#define MOST_Y 3
 #define ROWS_AT_ONCE 32  // whose products are summed in float32
 
 // The first of as even parts as can be of which none is larger than `most`
@@ -23,12 +23,16 @@ UNROLLED void row_products(
     int n_x, int n_y, Lanes lanes[][MOST_Y], float rest[][MOST_Y])
 {
     ptrdiff_t col = 0;
-    for (; col + LANES <= cols; col += LANES)
-        for (int y = 0; y < n_y; ++y) {
-            const Lanes values = lanes_at(field + col + y);
-            for (int x = 0; x < n_x; ++x)
-                lanes[x][y] += values * lanes_at(template - x * template_step + col);
+    for (; col + LANES <= cols; col += LANES) {
+        Lanes met[MOST_Y];
+        for (int y = 0; y < n_y; ++y)
+            met[y] = lanes_at(field + col + y);
+        for (int x = 0; x < n_x; ++x) {
+            const Lanes values = lanes_at(template - x * template_step + col);
+            for (int y = 0; y < n_y; ++y)
+                lanes[x][y] += values * met[y];
         }
+    }
     for (; col < cols; ++col)
         for (int y = 0; y < n_y; ++y)
             for (int x = 0; x < n_x; ++x)
@@ -91,9 +95,9 @@ void correlate_few(
                           sums + x * n_y + y, n_y); \
             break;
             switch (8 * xs + ys) {
-                OF(1, 1) OF(1, 2) OF(1, 3) OF(1, 4)
-                OF(2, 1) OF(2, 2) OF(2, 3) OF(2, 4)
-                OF(3, 1) OF(3, 2) OF(3, 3) OF(3, 4)
+                OF(1, 1) OF(1, 2) OF(1, 3)
+                OF(2, 1) OF(2, 2) OF(2, 3)
+                OF(3, 1) OF(3, 2) OF(3, 3)
             }
 #undef OF
         }

@@ -7,7 +7,7 @@
 #include <tmmintrin.h>
 #endif
 
-#include "lanes.h"
+#include "kernels.h"
 
 #define BLOCK 16  // pixels that are read at once; as in compiled.py
 

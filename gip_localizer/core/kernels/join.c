@@ -3,7 +3,7 @@
 //
 // Cells joined into larger ones, smoothed or not.
 
-#include "lanes.h"
+#include "kernels.h"
 
 // sums[c] = Σ taps[t] * values[t * step + c]
 UNROLLED void sum_steps(

@@ -3,7 +3,7 @@
 //
 // A plane turned by little, bilinear.
 
-#include "lanes.h"
+#include "kernels.h"
 
 // Cells with 32 bits behind the point
 static inline int64_t fixed(double cells) { return (int64_t)(cells * 0x1p32); }
