@@ -13,7 +13,7 @@ where the texture of cells looks unlike, is not seen on it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 import math
 
 import numpy as np
@@ -59,6 +59,11 @@ class Level:
     known: Floats
     stride: int = 1
 
+    @cached_property
+    def everywhere(self) -> bool:
+        """Whether the map is known on all of the window."""
+        return bool(self.known.all())
+
     def joined(self, factor: int) -> Level:
         """Return the level with factor x factor cells joined."""
         own = self.lattice
@@ -85,7 +90,7 @@ class Level:
         fine = widened(self.canvas, self.lattice)
         top = round((wide.far - fine.far) / fine.resolution)
         left = round((wide.left - fine.left) / fine.resolution)
-        everywhere = bool(self.known.all())
+        everywhere = self.everywhere
         join = partial(joined, factor=factor, shape=wide.shape, corner=(top, left))
         values = join(self.window, smooth=True, replicate=everywhere)
         if everywhere:

@@ -28,6 +28,7 @@ from gip_localizer.core.turning import turn_affine
 Index = tuple[int, int, int]
 """Of yaw, x and y in a lattice."""
 
+TURNED = np.zeros((2, 3))  # instead of what turns, where that is done
 SPARE_ROOMS = 32
 SPARE_BYTES = 1 << 20  # of each, at most
 
@@ -116,6 +117,7 @@ class Probe:
         self._scorer = Scorer(
             level.values, level.weight, level.window[part], level.known[part],
             normalized=normalized, min_overlap=min_overlap, residual_only=True,
+            everywhere=level.everywhere,
         )
         templates, fields = self._scorer.templates, self._scorer.fields
         self._comparison = Comparison(
@@ -182,8 +184,9 @@ class Probe:
 
     def _sum_up(self, yaws: list[int], start: tuple[int, int], out: Floats) -> None:
         """Write the terms (yaws, terms, n_x, n_y) of neighbours from a place on."""
-        affines = [self._affine(yaw) for yaw in yaws]
         turned = [yaw in self._turned for yaw in yaws]
+        affines = [TURNED if there else self._affine(yaw)
+                   for yaw, there in zip(yaws, turned, strict=True)]
         for yaw, there in zip(yaws, turned, strict=True):
             if not there:
                 self._turned[yaw] = self._rooms.take()

@@ -183,6 +183,7 @@ def _scorer(level: Level, normalized: bool, min_overlap: float) -> Scorer:
     return Scorer(
         level.values, level.weight, level.window, level.known,
         normalized=normalized, min_overlap=min_overlap, residual_only=True,
+        everywhere=level.everywhere,
     )
 
 

@@ -40,14 +40,22 @@ class Residuals:
         the overlap is too small.
     correlation : (...) float32 or None
         Weighted correlation coefficient; None where only the residual was asked for.
-    overlap : float32
-        Share of the weight on known map cells; one number per yaw where the map is known.
+    weights : float32
+        Weight on known map cells; one number per yaw where the map is known.
+    total : float
+        The view's weight.
 
     """
 
     residual: Floats
     correlation: Floats | None
-    overlap: Floats
+    weights: Floats
+    total: float
+
+    @property
+    def overlap(self) -> Floats:
+        """Share of the weight on known map cells, in the shape of `weights`."""
+        return np.clip(self.weights / np.float32(max(self.total, 1e-20)), 0.0, 1.0)
 
 
 class Scorer:
@@ -66,14 +74,17 @@ class Scorer:
         Least share of the weight on known map cells.
     residual_only : bool
         True: no correlation coefficients; the plain norm then needs a single sum.
+    everywhere : bool
+        True: the map is known to be known on all of the window, which is not looked at then.
 
     """
 
     def __init__(
         self, values: Floats, weight: Floats, window: Floats, known: Floats, *,
         normalized: bool, min_overlap: float, residual_only: bool = False,
+        everywhere: bool = False,
     ) -> None:
-        self.everywhere = bool(known.all())
+        self.everywhere = everywhere or bool(known.all())
         self._normalized, self._min_overlap = normalized, min_overlap
         self._joint = residual_only and not normalized
         self._total = float(cv2.sumElems(weight)[0])
@@ -166,11 +177,10 @@ class Scorer:
     def _judged(
         self, residual: Floats, correlation: Floats | None, weights: Floats
     ) -> Residuals:
-        overlap = np.clip(weights / np.float32(max(self._total, 1e-20)), 0.0, 1.0)
-        low = overlap < self._min_overlap
+        low = weights < np.float32(self._min_overlap * max(self._total, 1e-20))
         if low.any():
             residual[np.broadcast_to(low, residual.shape)] = np.inf
-        return Residuals(residual, correlation, overlap)
+        return Residuals(residual, correlation, weights, self._total)
 
 
 def _mean(window: Floats, known: Floats) -> np.float32:
