@@ -25,7 +25,7 @@ from gip_localizer.core.lattice import Lattice, make_canvas, widened
 from gip_localizer.core.pose import Pose2
 
 ORIGIN = Pose2(0.0, 0.0, 0.0)
-CORNER_STEP = 0.75  # cells that the view's corner may move from one yaw to the next
+CORNER_STEP = 1.5  # cells that the corner of the view may move per yaw; its weight is nearer
 
 
 @dataclass(frozen=True, eq=False)
