@@ -16,7 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 import pytest
 from scipy import sparse
 
-from gip_localizer.core import compiled, joining
+from gip_localizer.core import compiled, joining, spectra
 from gip_localizer.core.byte_footprints import BLOCK
 from gip_localizer.core.comparison import Comparison, Room
 from gip_localizer.core.footprint_means import FootprintMeans
@@ -234,6 +234,30 @@ def test_cells_are_joined_without_the_loop_too(corner, shape, factor, replicate,
     found = joined(values, factor, shape, corner=corner, replicate=replicate)
     expected = by_definition(values, factor, shape, corner, False, replicate)
     np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize('way', [
+    pytest.param(True, marks=needs_kernels, id='loop'), pytest.param(False, id='numpy'),
+])
+def test_planes_between_transforms_equal_the_definition(way, monkeypatch):
+    monkeypatch.setattr(spectra, 'AVAILABLE', way)
+    rng = np.random.default_rng(8)
+    for shape in ((3, 5), (7, 9), (16, 12)):
+        pair = rng.random((4, *shape), np.float32)[1:4:2]
+        plane = np.zeros((shape[0] + 2, shape[1] + 3), np.complex64)
+        spectra.put_pair(pair, plane)
+        assert (plane[: shape[0], : shape[1]] == pair[0] + 1j * pair[1]).all()
+        assert np.count_nonzero(plane) == pair[0].size
+        left, right = (
+            [(rng.random(shape) - 1j * rng.random(shape)).astype(np.complex64) for _ in range(3)]
+            for _ in range(2)
+        )
+        for count in (3, 2, 1):  # the last into one of the factors
+            pairs = list(zip(left[:count], right[:count], strict=True))
+            expected = sum(a.astype(complex) * b for a, b in pairs)
+            out = right[0] if count == 1 else np.empty(shape, np.complex64)
+            spectra.add_products(pairs, out, np.empty(shape, np.complex64))
+            np.testing.assert_allclose(out, expected, rtol=1e-5)
 
 
 def test_the_margin_is_as_wide_as_the_loop_reads():

@@ -56,6 +56,8 @@ def _load() -> ctypes.CDLL | None:
         'footprint_means': [ADDRESS, SIZE, *[ADDRESS] * 7],
         'compare_turned': [ctypes.POINTER(Comparison), SIZE, ADDRESS, ADDRESS, planes, SIZE, SIZE,
                            ADDRESS, *[SIZE] * 4, ADDRESS],
+        'pair_planes': [planes, SIZE, SIZE, ADDRESS, SIZE],
+        'sum_complex_products': [ADDRESS, ADDRESS, SIZE, SIZE, ADDRESS],
         'turn_little': [planes, SIZE, SIZE, ADDRESS, planes, *[SIZE] * 3],
         'join_cells': [ADDRESS, *[SIZE] * 5, ADDRESS, *[SIZE] * 2, ctypes.c_int, ADDRESS, ADDRESS,
                        SIZE, SIZE],

@@ -21,7 +21,15 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.spectra import channels, field_spectrum, make_transform, Plane, Transform
+from gip_localizer.core.spectra import (
+    add_products,
+    channels,
+    field_spectrum,
+    make_transform,
+    Plane,
+    put_pair,
+    Transform,
+)
 from gip_localizer.core.threads import in_parallel, shares
 
 Term = tuple[tuple[int, int], ...]
@@ -94,13 +102,12 @@ def by_transforms(
     known = [spectrum for spectrum in spectra if spectrum is not None]
     size = (1 + rows - canvas[0], 1 + cols - canvas[1])
 
-    def work(share: range) -> None:
+    def work(pair: int) -> None:
         desk = _desk(transform, _templates(terms), len(terms), size, canvas)
-        for pair in share:
-            both = range(2 * pair, min(2 * pair + 2, yaws))
-            sink(both, desk.terms(known, terms, both, turn))
+        both = range(2 * pair, min(2 * pair + 2, yaws))
+        sink(both, desk.terms(known, terms, both, turn))
 
-    in_parallel(work, shares(-(-yaws // 2)), worth_it=worth_it)
+    in_parallel(work, range(-(-yaws // 2)), worth_it=worth_it)
 
 
 def _templates(terms: Sequence[Term]) -> int:
@@ -133,30 +140,24 @@ class _Desk:
         for template, spectrum in enumerate(self._spectra):
             self._transform_pair(self._turned[:, template], spectrum)
         for out, term in zip(self._out, terms, strict=True):
-            last = len(terms) == 1 and len(dict(term)) == len(term)
-            product = self._product(fields, term, last=last)
+            product = self._product(fields, term, last=len(terms) == 1)
             found = self._transform.backward(product, n_x, self._room)[:n_x, :n_y]
             cv2.split(channels(found), list(out))
         return self._out[:, : len(yaws)]
 
     def _product(self, fields: list[Plane], term: Term, *, last: bool) -> Plane:
-        """Add up a term's products; after the last the spectra are spoilt, which costs least."""
-        (template, field), *others = term
-        spectra = self._spectra
-        total = spectra[template] if last else self._sum
-        np.multiply(fields[field], spectra[template], out=total)
-        for template, field in others:
-            product = spectra[template] if last else self._room
-            np.multiply(fields[field], spectra[template], out=product)
-            total += product
+        """Add up a term's products; after the last a spectrum is spoilt, which costs least."""
+        templates = [template for template, _ in term]
+        spoilt = last and templates.count(templates[0]) == 1
+        total = self._spectra[templates[0]] if spoilt else self._sum
+        pairs = [(fields[field], self._spectra[template]) for template, field in term]
+        add_products(pairs, total, self._room)
         return total
 
     def _transform_pair(self, pair: Floats, out: Plane) -> None:
         """Transform a template of two yaws, the second as the imaginary part."""
-        rows, cols = pair.shape[1:]
-        corner = self.plane[:rows, :cols]
-        corner.real, corner.imag = pair
-        self._transform.forward(self.plane, rows, out)
+        put_pair(pair, self.plane)
+        self._transform.forward(self.plane, pair.shape[1], out)
 
 
 _kept = threading.local()

@@ -12,6 +12,7 @@ build alone, so that equal inputs give equal bytes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import islice
 from typing import Protocol
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from gip_localizer.core.arrays import Floats
+from gip_localizer.core.compiled import ADDRESS, address, AVAILABLE, c_planes, kernels
 
 SIZES_TRIED, MULTIPLE = 8, 4
 ODD_COST = {32: 1.0, 16: 1.08, 8: 1.17, 4: 1.17}
@@ -66,6 +68,33 @@ def field_spectrum(transform: Transform, field: Floats) -> Plane:
     np.conjugate(out, out=out)
     out *= np.float32(1.0 / plane.size)
     return out
+
+
+def put_pair(pair: Floats, plane: Plane) -> None:
+    """Write two real planes (2, rows, cols) float32 into the first corner of a complex one."""
+    rows, cols = pair.shape[1:]
+    if AVAILABLE:
+        kernels().pair_planes(
+            c_planes(pair), rows, cols, address(plane, np.complex64), 2 * plane.shape[1]
+        )
+    else:
+        corner = plane[:rows, :cols]
+        corner.real, corner.imag = pair
+
+
+def add_products(pairs: Sequence[tuple[Plane, Plane]], out: Plane, room: Plane) -> None:
+    """Write the sum of products of planes; `out` may be one of the first pair, `room` none."""
+    if AVAILABLE:
+        left, right = ((ADDRESS * len(pairs))(*(address(p, np.complex64) for p in planes))
+                       for planes in zip(*pairs, strict=True))
+        kernels().sum_complex_products(
+            left, right, len(pairs), out.size, address(out, np.complex64)
+        )
+        return
+    (field, spectrum), *others = pairs
+    np.multiply(field, spectrum, out=out)
+    for field, spectrum in others:
+        out += np.multiply(field, spectrum, out=room)
 
 
 def cost(rows: int, cols: int) -> float:
