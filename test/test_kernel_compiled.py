@@ -286,4 +286,5 @@ def test_searches_find_the_same_without_them():
         for state in '10'
     ]
     np.testing.assert_array_equal(found[0][:, :3], found[1][:, :3])
-    np.testing.assert_allclose(found[0][:, 3], found[1][:, 3], rtol=1e-4)
+    # OpenCV before 5 turns to a 32nd of a cell
+    np.testing.assert_allclose(found[0][:, 3], found[1][:, 3], rtol=1e-3)
