@@ -9,9 +9,8 @@ from functools import cache
 
 import numpy as np
 
-from gip_localizer.core import compiled
 from gip_localizer.core.arrays import Floats, Grey
-from gip_localizer.core.compiled import address, c_planes, kernels, Planes
+from gip_localizer.core.compiled import address, c_planes, Compared, kernels, Planes
 from gip_localizer.core.correlation import Term
 from gip_localizer.core.turning import is_little, Templates
 
@@ -55,7 +54,7 @@ class Comparison:
         self._templates, self._fields, self._totals = templates, fields, totals
         self._pairs, self._pairs_of_term = _laid_out(tuple(terms))
         self._terms = len(terms)
-        self._c = compiled.Comparison(
+        self._c = Compared(
             c_planes(templates.planes), *templates.planes.shape, c_planes(fields),
             address(self._pairs, np.int32), address(self._pairs_of_term, np.int32),
             len(terms), totals,

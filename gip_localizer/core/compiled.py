@@ -31,7 +31,7 @@ class Planes(ctypes.Structure):
     _fields_ = (('first', ADDRESS), ('plane_step', SIZE), ('row_step', SIZE))
 
 
-class Comparison(ctypes.Structure):
+class Compared(ctypes.Structure):
     """What of a view is compared with what of a map window, as kernels/compare.c says."""
 
     _fields_ = (
@@ -54,7 +54,7 @@ def _load() -> ctypes.CDLL | None:
     planes = ctypes.POINTER(Planes)
     arguments = {
         'footprint_means': [ADDRESS, SIZE, *[ADDRESS] * 7],
-        'compare_turned': [ctypes.POINTER(Comparison), SIZE, ADDRESS, ADDRESS, planes, SIZE, SIZE,
+        'compare_turned': [ctypes.POINTER(Compared), SIZE, ADDRESS, ADDRESS, planes, SIZE, SIZE,
                            ADDRESS, *[SIZE] * 4, ADDRESS],
         'pair_planes': [planes, SIZE, SIZE, ADDRESS, SIZE],
         'sum_complex_products': [ADDRESS, ADDRESS, SIZE, SIZE, ADDRESS],

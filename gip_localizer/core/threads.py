@@ -3,8 +3,8 @@
 """
 The one thread setting of BLAS, FFT and OpenCV.
 
-- Yaws, and blocks of the rectifier, are divided over at most `WORKERS` threads of ours; NumPy,
-  SciPy and OpenCV release Python's lock inside.
+- Yaws, and bands of an image that is not of bytes, are divided over at most `WORKERS` threads of
+  ours; NumPy, SciPy, OpenCV and our compiled loops release Python's lock inside.
 - BLAS and OpenCV run on one thread: our matrices and warps are small, and their threads would spin
   more than compute beside a camera driver that needs the cores (measured: 2.5 times the processor
   time per frame with BLAS's). The settings are read when NumPy and OpenCV are loaded, so `ros` and

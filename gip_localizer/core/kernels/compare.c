@@ -13,7 +13,7 @@ typedef struct {
     const int32_t *pairs_of_term;
     ptrdiff_t terms;
     ptrdiff_t totals;  // of how many templates the sums are wanted
-} Comparison;
+} Compared;
 
 static float sum_of(const float *values, ptrdiff_t step, ptrdiff_t rows, ptrdiff_t cols)
 {
@@ -36,7 +36,7 @@ static float sum_of(const float *values, ptrdiff_t step, ptrdiff_t rows, ptrdiff
 // Of every yaw: where they are not there yet, the templates turned into its room (rows, cols), and
 // their sums (yaws, totals); and the terms (yaws, terms, n_x, n_y) of its translations.
 void compare_turned(
-    const Comparison *what, ptrdiff_t yaws, const double *turns, const uint8_t *turned,
+    const Compared *what, ptrdiff_t yaws, const double *turns, const uint8_t *turned,
     const Planes *rooms, ptrdiff_t rows, ptrdiff_t cols, float *totals, ptrdiff_t first_x,
     ptrdiff_t first_y, ptrdiff_t n_x, ptrdiff_t n_y, float *sums)
 {
