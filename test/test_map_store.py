@@ -12,8 +12,11 @@ from match_samples import texture
 import numpy as np
 import pytest
 
+from gip_localizer.core.footprints import Grid
+from gip_localizer.core.map_crops import MapCrops
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.core.windows import Extent
 from gip_localizer.io import map_store
 from gip_localizer.io.map_files import load_map, save_map
 
@@ -134,3 +137,15 @@ def test_memory_given_back_is_not_resident(tmp_path, store):
     left = process.memory_info().rss - before
     assert grown > 0.8 * grey.size
     assert left < 0.2 * grey.size
+
+
+def test_the_part_about_a_place_leaves_the_rest_on_disk(tmp_path, store):
+    psutil = pytest.importorskip('psutil')
+    raster_map = load_map(written(tmp_path, np.tile(GREY, (60, 60))))
+    crops, grid = MapCrops(raster_map), Grid(10.0, 4.0, 50, 40, 0.2)
+    process = psutil.Process()
+    before = process.memory_info().rss
+    assert raster_map.grey.max() > 0  # the whole map is mapped
+    middle = raster_map.origin @ Pose2(0.5 * raster_map.size_m[0], 0.5 * raster_map.size_m[1], 0.0)
+    assert crops.about(grid, middle, Extent(1.0, 1.0, 0.1, 0.05, 0.5), 0.1) is not None
+    assert process.memory_info().rss - before < 0.4 * raster_map.grey.size

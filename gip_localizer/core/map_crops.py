@@ -117,6 +117,7 @@ class MapCrops:
         key = (box, cell)
         if key not in self._kept:
             self._kept[key] = Crop(self.raster_map.cut(box, cell), cell)
+            self.raster_map.release()  # systems map much more of a file than is looked at
             if len(self._kept) > KEPT:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(key)
