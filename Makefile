@@ -51,7 +51,7 @@ params: $(READY) ## write config/*.yaml and the README's parameter table again
 	@$(GIP) params --write .
 
 figures: $(READY) ## draw the README's picture again
-	@$(VENV)/bin/python -m gip_localizer.evaluation.overview_figure bags/demo docs/figures/overview.png
+	@$(VENV)/bin/python -m gip_localizer.visualization.overview_figure bags/demo docs/figures/overview.png
 
 test: lint type pytest ## everything that must hold
 
@@ -71,5 +71,5 @@ soak: $(READY) ## the node under everything that goes wrong on a vehicle (MINUTE
 	@GIP_SOAK=$$(( $(or $(MINUTES),30) * 60 )) $(VENV)/bin/python -m pytest -s test/test_ros_soak.py
 
 clean: ## remove the environment, caches and results
-	rm -rf $(VENV) gip_localizer/core/*.so build install log results *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) gip_localizer/core/kernels/*.so build install log results *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

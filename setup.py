@@ -32,7 +32,7 @@ setup(
     package_data={PACKAGE: ['py.typed', '**/*.html', '**/*.j2', '**/*.csv']},
     # Plain C that is loaded with ctypes; without a compiler NumPy and SciPy do its work.
     ext_modules=[Extension(
-        f'{PACKAGE}.core._kernels', files(f'{PACKAGE}/core/kernels', '*.c'),
+        f'{PACKAGE}.core.kernels._kernels', files(f'{PACKAGE}/core/kernels', '*.c'),
         depends=files(f'{PACKAGE}/core/kernels', '*.h'),
         extra_compile_args=COMPILE, optional=True,
     )],

@@ -14,7 +14,7 @@ import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from gip_localizer.core.pose import Pose2
-from gip_localizer.io.bag_writer import make, make_header, make_pose
+from gip_localizer.io.bags.writer import make, make_header, make_pose
 from gip_localizer.io.cdr import jazzy
 from gip_localizer.io.messages import full_covariance
 

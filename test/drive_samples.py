@@ -11,7 +11,7 @@ from bag_samples import write_mcap
 import pytest
 
 from gip_localizer.cli import main
-from gip_localizer.io.bags import Bag
+from gip_localizer.io.bags.bag import Bag
 
 SMALL = ['--set', 'lens.width=640', '--set', 'lens.height=360', '--set', 'lens.focal=450']
 ROUGH = ['--set', 'world.resolution=0.05', '--set', 'world.join=1']  # a world quick to make

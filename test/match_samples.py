@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from gip_localizer.core.birdseye import View
-from gip_localizer.core.footprints import Grid
-from gip_localizer.core.matching import Lattice
+from gip_localizer.core.birdseye.grid import Grid
+from gip_localizer.core.birdseye.rectifier import View
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.match.score_surface import Lattice
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 
 GRID = Grid(6.0, 1.5, 40, 30, 0.1)
 ANCHOR = Pose2(0.2, 0.1, 0.4)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from gip_localizer.core.calibration import Calibration
+from gip_localizer.core.camera.calibration import Calibration
 from gip_localizer.core.pose import Pose2
-from gip_localizer.io.bag_writer import make, make_header, make_pose
+from gip_localizer.io.bags.writer import make, make_header, make_pose
 
 
 def image_message(pixels: np.ndarray, encoding: str, *, stamp_ns: int = 0, width: int = 0,

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gip_localizer.core.camera import CameraModel
+from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.pose import Pose2
 from gip_localizer.parameters import Parameters
 from gip_localizer.synthetic.renderer import Renderer

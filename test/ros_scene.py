@@ -15,10 +15,10 @@ import pytest
 from ros_support import GRAPH, Tester
 from sensor_msgs.msg import CameraInfo
 
-from gip_localizer.core.calibration import Calibration
-from gip_localizer.core.camera import CameraModel, Extrinsics
+from gip_localizer.core.camera.calibration import Calibration
+from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.io.map_files import save_map
 from gip_localizer.io.messages import planar_pose
 from gip_localizer.ros.conversions import header_of, mono8, pose_of

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.evaluation.run import FrameExhibit, Run
 from gip_localizer.io.trajectory import Trajectory
 from gip_localizer.parameters import Parameters

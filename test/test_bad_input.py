@@ -12,8 +12,8 @@ from test_frontend import CALIBRATION, CAMERA, COVARIANCE, PARAMETERS, S
 
 from gip_localizer.core.estimate import Status
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.io.bag_writer import make_pose
-from gip_localizer.io.frontend import Frontend
+from gip_localizer.io.bags.writer import make_pose
+from gip_localizer.session.frontend import Frontend
 
 MS = 1_000_000
 EPOCH = 1_700_000_000 * S

@@ -9,8 +9,8 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 
 from gip_localizer.errors import BagError
-from gip_localizer.io.bag_writer import BagWriter
-from gip_localizer.io.bags import Bag
+from gip_localizer.io.bags.bag import Bag
+from gip_localizer.io.bags.writer import BagWriter
 from gip_localizer.io.cdr import jazzy
 
 TOPICS = ('/camera/image', '/odom')

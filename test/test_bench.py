@@ -10,15 +10,15 @@ import math
 import numpy as np
 import pytest
 
+from gip_localizer.benchmark.children import child
+from gip_localizer.benchmark.opencv_baseline import peer_winner
+from gip_localizer.benchmark.output import as_markdown, write_bench
+from gip_localizer.benchmark.rows import beside, exponent, interleaved, Row, spread
+from gip_localizer.benchmark.scene import Scene, TRACK, Window
+from gip_localizer.benchmark.search_process import coarse_to_fine, global_level, score_all
+from gip_localizer.benchmark.search_rows import wilson
 from gip_localizer.cli import main
 from gip_localizer.errors import GipError
-from gip_localizer.evaluation.benchmark.children import child
-from gip_localizer.evaluation.benchmark.output import as_markdown, write_bench
-from gip_localizer.evaluation.benchmark.peer import peer_winner
-from gip_localizer.evaluation.benchmark.rows import beside, exponent, interleaved, Row, spread
-from gip_localizer.evaluation.benchmark.scene import Scene, TRACK, Window
-from gip_localizer.evaluation.benchmark.search import coarse_to_fine, global_level, score_all
-from gip_localizer.evaluation.benchmark.searches import wilson
 from gip_localizer.parameters import Birdseye
 
 KEYS = ['suite', 'case', 'ours_ms', 'peer', 'peer_ms', 'ratio', 'same_winner']

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from gip_localizer.core.birdseye import make_grid, Rectifier
-from gip_localizer.core.camera import Extrinsics
+from gip_localizer.core.birdseye.rectifier import make_grid, Rectifier
+from gip_localizer.core.camera.model import Extrinsics
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Birdseye
 

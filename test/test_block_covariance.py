@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gip_localizer.core.blocks import Blocks
-from gip_localizer.core.linearised import GEOMETRY, Problem
+from gip_localizer.core.refine.blocks import Blocks
+from gip_localizer.core.refine.least_squares import GEOMETRY, Problem
 
 SIDE, UNKNOWNS = 28, 8
 

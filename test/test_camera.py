@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gip_localizer.core.calibration import Calibration
-from gip_localizer.core.camera import CameraModel, Extrinsics
+from gip_localizer.core.camera.calibration import Calibration
+from gip_localizer.core.camera.model import CameraModel, Extrinsics
 from gip_localizer.errors import CalibrationError
 
 PIXEL_TOLERANCE = 0.01

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gip_localizer.errors import ImageError
-from gip_localizer.io.bag_writer import make, make_header
+from gip_localizer.io.bags.writer import make, make_header
 from gip_localizer.io.cdr import image_of, jazzy
 from gip_localizer.io.images import grey_image
 

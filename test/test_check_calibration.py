@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from gip_localizer.cli import main
-from gip_localizer.core.birdseye import View
-from gip_localizer.core.footprints import Grid
-from gip_localizer.evaluation.lane_lines import lane_lines, LaneLine, pitch_excess
+from gip_localizer.core.birdseye.grid import Grid
+from gip_localizer.core.birdseye.rectifier import View
 from gip_localizer.io.cdr import jazzy
+from gip_localizer.mapping.lane_lines import lane_lines, LaneLine, pitch_excess
 
 BAG = Path(__file__).parents[1] / 'bags' / 'demo'
 TRUE_PITCH = math.radians(15.0)

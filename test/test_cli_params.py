@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from gip_localizer.cli import main
-from gip_localizer.io.concerns import diagnostics_table
-from gip_localizer.parameter_specs import load_ros_yaml
 from gip_localizer.parameters import load_parameter_file, Parameters
+from gip_localizer.parameters.spec import load_ros_yaml
+from gip_localizer.session.diagnostic_rules import diagnostics_table
 
 ROOT = Path(__file__).parents[1]
 

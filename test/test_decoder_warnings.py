@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from gip_localizer.errors import ImageError, MapError
-from gip_localizer.io.decoder_warnings import damage, decoder_warnings
 from gip_localizer.io.images import compressed_grey_image
+from gip_localizer.io.jpeg_warnings import damage, decoder_warnings
 from gip_localizer.io.map_files import load_mask
 
 NOISE = np.random.default_rng(1).integers(0, 255, (120, 160)).astype(np.uint8)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from gip_localizer.cli import main
-from gip_localizer.io.bags import Bag
+from gip_localizer.io.bags.bag import Bag
 
 BAGS = Path(__file__).parents[1] / 'bags'
 

@@ -13,9 +13,16 @@ from scipy.stats import chi2
 
 from gip_localizer.cli import main
 from gip_localizer.core.localizer import Localizer
-from gip_localizer.evaluation.conditions import CLEAR, CONDITIONS, TILES
-from gip_localizer.evaluation.grounds import ASPHALT, lane, LINE, noisy_map, PERIOD_M, repeated
+from gip_localizer.evaluation.suites.conditions import CLEAR, CONDITIONS, TILES
 from gip_localizer.evaluation.suites.cramer_rao import pose_bound, PURE
+from gip_localizer.evaluation.suites.grounds import (
+    ASPHALT,
+    lane,
+    LINE,
+    noisy_map,
+    PERIOD_M,
+    repeated,
+)
 from gip_localizer.evaluation.suites.integrity import (
     FAR_M,
     Integrity,
@@ -30,7 +37,7 @@ from gip_localizer.evaluation.suites.runner import jobs, run_all, SUITES
 from gip_localizer.evaluation.suites.single_frame import bounds, nees_band, summary
 from gip_localizer.evaluation.suites.suite import Bound, Record
 from gip_localizer.evaluation.suites.tables import COLUMNS, format_section
-from gip_localizer.evaluation.trials import Bench, is_wrong, Spread, Trial
+from gip_localizer.evaluation.suites.trials import Bench, is_wrong, Spread, Trial
 from gip_localizer.synthetic.worlds import map_of, tiles_world
 
 

@@ -8,8 +8,9 @@ from camera_samples import HELD, make_camera, paper_camera
 import numpy as np
 import pytest
 
-from gip_localizer.core.camera import CameraModel, Extrinsics
-from gip_localizer.core.footprints import footprint_areas, Grid, overlap_matrix, pixel_box
+from gip_localizer.core.birdseye.footprints import footprint_areas, overlap_matrix, pixel_box
+from gip_localizer.core.birdseye.grid import Grid
+from gip_localizer.core.camera.model import CameraModel, Extrinsics
 from gip_localizer.core.gramian import axis_depth, closed_form_footprint, closed_form_gramian
 
 GRID = Grid(9.0, 2.0, 60, 40, 0.1)

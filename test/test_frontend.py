@@ -21,8 +21,8 @@ import pytest
 
 from gip_localizer.core.estimate import Status
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.io.frontend import Frontend
 from gip_localizer.parameters import Parameters
+from gip_localizer.session.frontend import Frontend
 
 S = 1_000_000_000
 CALIBRATION = make_calibration('plumb_bob')

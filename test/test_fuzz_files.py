@@ -19,12 +19,12 @@ from mutations import mutated_bytes, no_hang
 import numpy as np
 import pytest
 
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import GipError
 from gip_localizer.io.map_files import load_map, load_mask, save_map
-from gip_localizer.io.state_file import LastPose, load_state, save_state
 from gip_localizer.parameters import dump_parameter_file, load_parameter_file, Parameters
+from gip_localizer.session.pose_file import LastPose, load_state, save_state
 
 MANY = settings(max_examples=int(os.environ.get('GIP_FUZZ', '100')))
 

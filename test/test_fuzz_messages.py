@@ -29,9 +29,9 @@ import pytest
 
 from gip_localizer.core.estimate import Status
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.io.frontend import Frontend
-from gip_localizer.io.mask_pairing import MaskPairing
 from gip_localizer.parameters import Parameters
+from gip_localizer.session.frontend import Frontend
+from gip_localizer.session.mask_sync import MaskPairing
 
 MANY = settings(max_examples=int(os.environ.get('GIP_FUZZ', '60')))
 S = 1_000_000_000

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
+from gip_localizer.core.birdseye.pixel_noise import estimate_pixel_noise
 from gip_localizer.core.gramian import (
     axis_depth,
     closed_form_footprint,
     closed_form_gramian,
-    estimate_pixel_noise,
     gramian,
     NOISE_FLOOR,
 )

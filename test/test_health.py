@@ -11,9 +11,9 @@ import pytest
 
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.pose import Pose2
-from gip_localizer.io.concerns import CONCERNS, Level, rule_of
-from gip_localizer.io.health import Health, RECENT
-from gip_localizer.stack_parameters import Diagnostics
+from gip_localizer.parameters.integration import Diagnostics
+from gip_localizer.session.diagnostic_rules import CONCERNS, Level, rule_of
+from gip_localizer.session.diagnostics import Health, RECENT
 
 SECOND = 1_000_000_000
 GOOD = Estimate(SECOND, Status.TRACKING, 'well', Pose2(0.0, 0.0, 0.0), np.eye(3))

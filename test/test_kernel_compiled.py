@@ -16,13 +16,15 @@ from numpy.lib.stride_tricks import sliding_window_view
 import pytest
 from scipy import sparse
 
-from gip_localizer.core import compiled, joining, spectra
-from gip_localizer.core.byte_footprints import BLOCK
-from gip_localizer.core.comparison import Comparison, Room
-from gip_localizer.core.footprint_means import FootprintMeans
-from gip_localizer.core.footprints import PARTS
-from gip_localizer.core.joining import joined
-from gip_localizer.core.turning import MARGIN, MOST_SLOPE, Templates
+from gip_localizer.core.birdseye.byte_footprints import BLOCK
+from gip_localizer.core.birdseye.footprint_means import FootprintMeans
+from gip_localizer.core.birdseye.footprints import PARTS
+from gip_localizer.core.kernels import library as compiled
+from gip_localizer.core.match import fft as spectra
+from gip_localizer.core.match import joining
+from gip_localizer.core.match.compiled_scores import Comparison, Room
+from gip_localizer.core.match.downsampling import joined
+from gip_localizer.core.match.template_rotation import MARGIN, MOST_SLOPE, Templates
 
 needs_kernels = pytest.mark.skipif(not compiled.AVAILABLE, reason='no C compiler built them')
 
@@ -42,7 +44,7 @@ def test_where_there_is_a_compiler_the_loops_are_built():
 
 
 def test_the_environment_can_leave_them_out():
-    code = 'from gip_localizer.core.compiled import AVAILABLE; print(AVAILABLE)'
+    code = 'from gip_localizer.core.kernels.library import AVAILABLE; print(AVAILABLE)'
     assert answer('0', code) == 'False\n'
 
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gip_localizer.core import spectra
-from gip_localizer.core.correlation import by_products, by_transforms, correlate
-from gip_localizer.core.spectra import OpenCVTransform, SciPyTransform
+from gip_localizer.core.match import fft as spectra
+from gip_localizer.core.match.correlation import by_products, by_transforms, correlate
+from gip_localizer.core.match.fft import OpenCVTransform, SciPyTransform
 from gip_localizer.core.threads import in_parallel, shares
 
 TERMS = [((0, 0),), ((0, 1), (1, 0)), ((2, 2), (1, 1), (0, 0))]
@@ -50,7 +50,7 @@ def collected(kernel, yaws, fields, templates):
 
 @pytest.mark.parametrize('transform', [OpenCVTransform, SciPyTransform])
 def test_transforms_equal_the_definition(transform, monkeypatch):
-    monkeypatch.setattr('gip_localizer.core.correlation.make_transform', transform)
+    monkeypatch.setattr('gip_localizer.core.match.correlation.make_transform', transform)
     for seed in (1, 2):  # the second run works in what the first left behind
         fields, templates = case(seed)
         expected = by_definition(fields, templates)
@@ -60,7 +60,7 @@ def test_transforms_equal_the_definition(transform, monkeypatch):
 
 @pytest.mark.parametrize('transform', [OpenCVTransform, SciPyTransform])
 def test_a_yaw_without_a_partner_takes_nothing_from_frames_before(transform, monkeypatch):
-    monkeypatch.setattr('gip_localizer.core.correlation.make_transform', transform)
+    monkeypatch.setattr('gip_localizer.core.match.correlation.make_transform', transform)
     found = []
     for seed in (2, 3):
         collected(by_transforms, YAWS - 1, *case(seed))
@@ -77,8 +77,8 @@ def test_products_equal_the_definition():
 
 @pytest.mark.parametrize('limit', [0, 10_000])
 def test_the_choice_by_window_size_does_not_change_the_sums(limit, monkeypatch):
-    monkeypatch.setattr('gip_localizer.core.correlation.PRODUCT_CANDIDATES', limit)
-    monkeypatch.setattr('gip_localizer.core.correlation.PRODUCT_YAWS', 2)
+    monkeypatch.setattr('gip_localizer.core.match.correlation.PRODUCT_CANDIDATES', limit)
+    monkeypatch.setattr('gip_localizer.core.match.correlation.PRODUCT_YAWS', 2)
     fields, templates = case()
     expected = by_definition(fields, templates)
     found = collected(correlate, YAWS, fields, templates)

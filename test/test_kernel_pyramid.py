@@ -11,15 +11,15 @@ from match_samples import texture
 import numpy as np
 import pytest
 
-from gip_localizer.core.birdseye import View
-from gip_localizer.core.field_level import Level
-from gip_localizer.core.footprints import Grid
-from gip_localizer.core.lattice import make_canvas, make_lattice, map_window, widened
-from gip_localizer.core.matching import match
+from gip_localizer.core.birdseye.grid import Grid
+from gip_localizer.core.birdseye.rectifier import View
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.match.lattice import make_canvas, make_lattice, map_window, widened
+from gip_localizer.core.match.pyramid.coarse_to_fine import exhaustive_winner, pyramid_winner
+from gip_localizer.core.match.pyramid.level import Level
+from gip_localizer.core.match.pyramid.local_scores import Probe
+from gip_localizer.core.match.score_surface import match
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.probe import Probe
-from gip_localizer.core.pyramid import exhaustive_winner, pyramid_winner
-from gip_localizer.core.raster_map import RasterMap
 
 GRID = Grid(7.0, 2.5, 60, 50, 0.1)
 MAP = RasterMap(0.6 * texture((500, 500), 4, 1.0) + 0.4 * texture((500, 500), 5, 6.0), 0.1)

@@ -7,12 +7,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gip_localizer.core.footprints import Grid
-from gip_localizer.core.lattice import make_canvas, make_lattice
+from gip_localizer.core.birdseye.grid import Grid
+from gip_localizer.core.match.fft import cost
+from gip_localizer.core.match.fft_regions import make_parts
+from gip_localizer.core.match.lattice import make_canvas, make_lattice
+from gip_localizer.core.match.template_rotation import Templates, turn_affine
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.spectra import cost
-from gip_localizer.core.support import make_parts
-from gip_localizer.core.turning import Templates, turn_affine
 
 GRID = Grid(7.0, 2.5, 60, 50, 0.1)
 PIVOT = 3.0

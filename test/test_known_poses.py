@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from road_samples import ORIGIN, PARAMETERS, Road
 
-from gip_localizer.core.calibration import Calibration
-from gip_localizer.core.camera import CameraModel, Extrinsics
+from gip_localizer.core.camera.calibration import Calibration
+from gip_localizer.core.camera.model import CameraModel, Extrinsics
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.parameters import Parameters

@@ -19,7 +19,7 @@ import pytest
 from test_config import readme_names
 
 from gip_localizer.parameters import Parameters
-from gip_localizer.synthetic.publishing import CameraNodeParameters
+from gip_localizer.synthetic.parameters import CameraNodeParameters
 
 ROOT = Path(__file__).parents[1]
 FILES = sorted((ROOT / 'launch').glob('*.launch.py'))

@@ -8,7 +8,7 @@ from match_samples import ANCHOR, GRID, texture, texture_map, view_from, weights
 import numpy as np
 import pytest
 
-from gip_localizer.core.levels import coarsened, locally_centred
+from gip_localizer.core.match.downsampling import coarsened, locally_centred
 from gip_localizer.core.pose import Pose2
 
 TRUTH = ANCHOR @ Pose2(0.2, -0.3, 0.0)

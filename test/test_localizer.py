@@ -11,16 +11,16 @@ import pytest
 from road_samples import PARAMETERS, Road
 from scipy.stats import chi2
 
-from gip_localizer.core import recovery
-from gip_localizer.core.camera import Extrinsics
+from gip_localizer.core.belief import PriorError
+from gip_localizer.core.camera.model import Extrinsics
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.integrity import judge
 from gip_localizer.core.localizer import Localizer
-from gip_localizer.core.map_cells import scaled
-from gip_localizer.core.odometry import OdometrySample
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.map.resampling import scaled
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.core.raster_map import RasterMap
-from gip_localizer.core.tracker import PriorError
+from gip_localizer.core.search import global_search as recovery
+from gip_localizer.core.track.odometry import OdometrySample
 from gip_localizer.parameters import Parameters
 
 MS = 1_000_000

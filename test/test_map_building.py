@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from gip_localizer.cli import main
-from gip_localizer.core.map_cells import WHITE
-from gip_localizer.core.raster_map import RasterMap
-from gip_localizer.evaluation.truth import read_truth
-from gip_localizer.io.bag_topics import choose_topics, TopicNames
-from gip_localizer.io.bags import Bag
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.map.resampling import WHITE
+from gip_localizer.io.bags.bag import Bag
+from gip_localizer.io.bags.topics import choose_topics, TopicNames
+from gip_localizer.io.bags.truth import read_truth
 from gip_localizer.io.map_files import load_map
 from gip_localizer.io.trajectory import Trajectory, write_tum
 

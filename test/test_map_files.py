@@ -11,8 +11,8 @@ from match_samples import texture
 import numpy as np
 import pytest
 
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import MapError, OutputError
 from gip_localizer.io.map_files import load_map, save_map
 

@@ -7,16 +7,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gip_localizer.core.birdseye import View
-from gip_localizer.core.footprints import Grid
+from gip_localizer.core.birdseye.grid import Grid
+from gip_localizer.core.birdseye.rectifier import View
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import MapError
-from gip_localizer.evaluation import tiled_sums
-from gip_localizer.evaluation.exposure import fit_exposure
-from gip_localizer.evaluation.map_building import MapBuilder
-from gip_localizer.evaluation.map_drawing import draw
-from gip_localizer.evaluation.shading import fit_shading, SeenTwice, Shading
-from gip_localizer.evaluation.tiled_sums import Box, overlap, TiledSums
+from gip_localizer.mapping import tiles as tiled_sums
+from gip_localizer.mapping.exposure import fit_exposure
+from gip_localizer.mapping.map_builder import MapBuilder
+from gip_localizer.mapping.splatting import draw
+from gip_localizer.mapping.tiles import Box, overlap, TiledSums
+from gip_localizer.mapping.vignetting import fit_shading, SeenTwice, Shading
 
 GRID = Grid(4.0, 2.0, 160, 160, 0.025)
 R = 0.05

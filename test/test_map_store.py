@@ -12,12 +12,12 @@ from match_samples import texture
 import numpy as np
 import pytest
 
-from gip_localizer.core.footprints import Grid
-from gip_localizer.core.map_crops import MapCrops
+from gip_localizer.core.birdseye.grid import Grid
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
-from gip_localizer.core.windows import Extent
-from gip_localizer.io import map_store
+from gip_localizer.core.search.map_crops import MapCrops
+from gip_localizer.core.search.window import Extent
+from gip_localizer.io import map_cache as map_store
 from gip_localizer.io.map_files import load_map, save_map
 
 GREY = (texture((120, 150)) * 255).astype(np.uint8)

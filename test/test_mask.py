@@ -13,8 +13,8 @@ from test_frontend import CALIBRATION, CAMERA, COVARIANCE, PARAMETERS, S
 from gip_localizer.core.estimate import Status
 from gip_localizer.core.pose import difference
 from gip_localizer.errors import MapError
-from gip_localizer.io.frontend import Frontend
 from gip_localizer.io.map_files import load_mask
+from gip_localizer.session.frontend import Frontend
 
 
 @pytest.fixture(scope='module')

@@ -15,10 +15,10 @@ from test_mask import with_bonnet
 
 from gip_localizer.core.estimate import Status
 from gip_localizer.core.pose import difference
-from gip_localizer.io.frontend import Frontend
-from gip_localizer.io.mask_pairing import Masked, MaskPairing, MOST_WAITING
 from gip_localizer.io.messages import stamp_ns
-from gip_localizer.stack_parameters import MaskTopic
+from gip_localizer.parameters.integration import MaskTopic
+from gip_localizer.session.frontend import Frontend
+from gip_localizer.session.mask_sync import Masked, MaskPairing, MOST_WAITING
 
 MS = 1_000_000
 TINY = np.zeros((2, 2), np.uint8)

@@ -22,11 +22,11 @@ from match_samples import (
 import numpy as np
 import pytest
 
-from gip_localizer.core.birdseye import View
-from gip_localizer.core.footprints import Grid
-from gip_localizer.core.matching import Lattice, make_lattice, match, rotated
+from gip_localizer.core.birdseye.grid import Grid
+from gip_localizer.core.birdseye.rectifier import View
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.match.score_surface import Lattice, make_lattice, match, rotated
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 
 RELATIVE = 1e-5
 WINDOW = make_lattice(ANCHOR, x=0.6, y=0.5, yaw=0.0, yaw_step=0.02, step=0.1)

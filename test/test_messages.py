@@ -13,7 +13,7 @@ import pytest
 
 from gip_localizer.core.pose import Pose2, wrap_angle
 from gip_localizer.errors import CalibrationError
-from gip_localizer.io.bag_writer import make_header, make_pose
+from gip_localizer.io.bags.writer import make_header, make_pose
 from gip_localizer.io.messages import (
     calibration,
     full_covariance,

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from gip_localizer.core.odometry import KEPT_NS, OdometryBuffer, OdometrySample
 from gip_localizer.core.pose import Pose2
+from gip_localizer.core.track.odometry import KEPT_NS, OdometryBuffer, OdometrySample
 from gip_localizer.parameters import Motion
 
 MS = 1_000_000

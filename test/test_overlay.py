@@ -11,12 +11,12 @@ import pytest
 from test_frontend import CAMERA, S
 from test_mask import localized
 
-from gip_localizer.core.camera import CameraModel
+from gip_localizer.core.birdseye.grid import Grid
+from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.estimate import Estimate, Status
-from gip_localizer.core.footprints import Grid
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
-from gip_localizer.evaluation.overlay import camera_overlay, map_outlines, PUBLISHED, WITHHELD
+from gip_localizer.visualization.overlay import camera_overlay, map_outlines, PUBLISHED, WITHHELD
 
 GRID = Grid(9.0, 3.0, 60, 60, 0.1)
 BASE = Pose2(10.0, 10.0, 0.0)

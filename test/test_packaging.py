@@ -96,7 +96,8 @@ def test_pip_installs_every_module(pip_prefix):
 @pytest.mark.skipif(not shutil.which('gcc'), reason='no GCC here')
 def test_pip_and_colcon_build_the_loops(pip_prefix, colcon_prefix):
     for prefix in (pip_prefix, colcon_prefix):
-        assert list((site_packages(prefix) / 'gip_localizer/core').glob('_kernels.*.so')), prefix
+        folder = site_packages(prefix) / 'gip_localizer/core/kernels'
+        assert list(folder.glob('_kernels.*.so')), prefix
 
 
 def test_without_a_compiler_the_package_installs_all_the_same(tmp_path):
@@ -108,8 +109,8 @@ def test_without_a_compiler_the_package_installs_all_the_same(tmp_path):
         cwd=tmp_path, env=inherited(CC='no-such-compiler'),
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
-    assert (tmp_path / 'target/gip_localizer/core/compiled.py').is_file()
-    assert not list((tmp_path / 'target/gip_localizer/core').glob('_kernels.*'))
+    assert (tmp_path / 'target/gip_localizer/core/kernels/library.py').is_file()
+    assert not list((tmp_path / 'target/gip_localizer/core/kernels').glob('_kernels.*'))
 
 
 @pytest.mark.parametrize('folder', ['bin', 'lib/gip_localizer'])

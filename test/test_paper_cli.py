@@ -7,7 +7,7 @@ import csv
 import pytest
 
 from gip_localizer.cli import main
-from gip_localizer.evaluation.paper.output import CURVES_COLUMNS
+from gip_localizer.paper.output import CURVES_COLUMNS
 
 
 def gip_paper(*args):

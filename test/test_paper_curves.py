@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from gip_localizer.errors import ParameterError
-from gip_localizer.evaluation.paper.curves import BAND_999, compute_curves, GAIN_AT
-from gip_localizer.evaluation.paper.exact import equal_error_amplitude, exact_error
-from gip_localizer.evaluation.paper.geometry import PaperCamera
-from gip_localizer.evaluation.paper.printed import printed_points
-from gip_localizer.evaluation.paper.spread import pair_law
-from gip_localizer.evaluation.paper.squares import Squares, visible_squares
-from gip_localizer.evaluation.paper.theory import unweighted_cdf, weighted_cdf
+from gip_localizer.paper.curves import BAND_999, compute_curves, GAIN_AT
+from gip_localizer.paper.exact import equal_error_amplitude, exact_error
+from gip_localizer.paper.geometry import PaperCamera
+from gip_localizer.paper.printed import printed_points
+from gip_localizer.paper.squares import Squares, visible_squares
+from gip_localizer.paper.standard_error import pair_law
+from gip_localizer.paper.theory import unweighted_cdf, weighted_cdf
 
 CAMERA = PaperCamera()
 SQUARES = visible_squares(CAMERA)

@@ -10,11 +10,10 @@ import pytest
 from scipy.stats import binom
 
 from gip_localizer.cli import main
-from gip_localizer.core.birdseye import Rectifier
+from gip_localizer.core.birdseye.rectifier import Rectifier
 from gip_localizer.core.pose import Pose2
-from gip_localizer.evaluation.paper.beyond import METHODS, run_beyond, TASKS
-from gip_localizer.evaluation.paper.geometry import PaperCamera
-from gip_localizer.evaluation.paper.peers import (
+from gip_localizer.paper.baseline_comparison import METHODS, run_beyond, TASKS
+from gip_localizer.paper.baselines import (
     ecc,
     ECC_CELL_M,
     ORB_CELL_M,
@@ -23,15 +22,16 @@ from gip_localizer.evaluation.paper.peers import (
     phase_correlation,
     Scene,
 )
-from gip_localizer.evaluation.paper.pipeline import run_pipeline
-from gip_localizer.evaluation.paper.pixel_camera import (
+from gip_localizer.paper.geometry import PaperCamera
+from gip_localizer.paper.image_experiment import run_pipeline
+from gip_localizer.paper.pixel_camera import (
     paper_squares,
     pixel_camera,
     pixel_focal,
     square_birdseye,
     tile_world,
 )
-from gip_localizer.evaluation.paper.squares import visible_squares
+from gip_localizer.paper.squares import visible_squares
 from gip_localizer.parameters import Birdseye
 from gip_localizer.synthetic.renderer import Renderer
 

@@ -10,15 +10,15 @@ from scipy.integrate import dblquad
 
 from gip_localizer.core.gramian import closed_form_gramian
 from gip_localizer.errors import ParameterError
-from gip_localizer.evaluation.paper.geometry import (
+from gip_localizer.paper.geometry import (
     depth_of_distance,
     depth_of_row,
     jacobian,
     PaperCamera,
     project,
 )
-from gip_localizer.evaluation.paper.squares import seen_distances, visible_squares
-from gip_localizer.evaluation.paper.theory import (
+from gip_localizer.paper.squares import seen_distances, visible_squares
+from gip_localizer.paper.theory import (
     error_generalized,
     error_standard,
     footprint,

@@ -10,17 +10,17 @@ from match_samples import ANCHOR, GRID
 import numpy as np
 import pytest
 
-from gip_localizer.core.birdseye import View
+from gip_localizer.core.belief import Belief
+from gip_localizer.core.birdseye.rectifier import View
 from gip_localizer.core.estimate import Match
-from gip_localizer.core.matching import make_lattice, Scores
-from gip_localizer.core.pose import Pose2
-from gip_localizer.core.posterior import (
+from gip_localizer.core.match.posterior import (
     independent_cells,
     modes,
     posterior_surface,
     subcell_peak,
 )
-from gip_localizer.core.tracker import Belief
+from gip_localizer.core.match.score_surface import make_lattice, Scores
+from gip_localizer.core.pose import Pose2
 
 STEP, YAW_STEP = 0.1, 0.02
 LATTICE = make_lattice(ANCHOR, x=1.0, y=0.8, yaw=0.1, yaw_step=YAW_STEP, step=STEP)

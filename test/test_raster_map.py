@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import MapError
 
 origins = st.builds(Pose2, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-3.2, 3.2))

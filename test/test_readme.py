@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from gip_localizer.evaluation.overview_figure import overview_figure
+from gip_localizer.visualization.overview_figure import overview_figure
 
 ROOT = Path(__file__).parents[1]
 PAGES = ['README.md', 'CONTRIBUTING.md', 'bags/README.md', *(

@@ -9,12 +9,12 @@ from camera_samples import HELD, make_camera
 import numpy as np
 import pytest
 
-from gip_localizer.core.birdseye import Rectifier
+from gip_localizer.core.birdseye.rectifier import Rectifier
 from gip_localizer.core.gramian import gramian
-from gip_localizer.core.map_crops import Crop
+from gip_localizer.core.map.crop import Crop
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.core.refinement import Refiner
-from gip_localizer.core.robust import outlier_scale
+from gip_localizer.core.refine.refiner import Refiner
+from gip_localizer.core.refine.robust import outlier_scale
 from gip_localizer.parameters import Birdseye, CameraMotion
 
 FIXED = CameraMotion(0.0, 0.0, 0.0)

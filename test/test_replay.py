@@ -16,7 +16,7 @@ from rosbags.rosbag2 import StoragePlugin
 import tqdm
 
 from gip_localizer.cli import main
-from gip_localizer.io.bags import Bag
+from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.cdr import jazzy
 from gip_localizer.io.map_files import load_map, save_map
 from gip_localizer.io.trajectory import read_tum

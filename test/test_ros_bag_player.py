@@ -12,7 +12,7 @@ from ros_support import GRAPH, Tester
 from rosgraph_msgs.msg import Clock
 
 from gip_localizer.core.pose import Pose2
-from gip_localizer.io.bag_writer import BagWriter, make, make_header, make_pose
+from gip_localizer.io.bags.writer import BagWriter, make, make_header, make_pose
 from gip_localizer.io.messages import planar_pose, stamp_ns
 from gip_localizer.ros.processes import NodeProcesses
 

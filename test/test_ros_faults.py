@@ -16,13 +16,13 @@ from ros_scene import *  # noqa: F403 - fixtures and the world
 from ros_scene import camera_info, parameters, SECOND, START
 
 from gip_localizer.core.estimate import Status
-from gip_localizer.core.faults import survived
+from gip_localizer.core.guard import survived
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.threads import WorkEndedError
 from gip_localizer.parameters import Parameters
 from gip_localizer.ros.conversions import mono8
-from gip_localizer.ros.localization import Localization
-from gip_localizer.ros.worker import Worker
+from gip_localizer.ros.localizer.localization import Localization
+from gip_localizer.ros.localizer.worker import Worker
 
 pytestmark = pytest.mark.ros
 

@@ -20,9 +20,9 @@ from ros_scene import camera_info, frames, initial_pose, parameters, START, WORL
 from ros_support import GRAPH
 from std_msgs.msg import Float64
 
-from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.cli.parameter_pages import tree_of
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.errors import GipError
-from gip_localizer.evaluation.parameter_pages import tree_of
 from gip_localizer.io.map_files import save_map
 from gip_localizer.ros.processes import NodeProcesses
 

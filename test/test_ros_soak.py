@@ -27,9 +27,9 @@ from ros_scene import CALIBRATION, camera_info, initial_pose, parameters, SECOND
 from sensor_msgs.msg import Image
 
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.io.concerns import CONCERNS
 from gip_localizer.io.messages import planar_pose
 from gip_localizer.ros.conversions import header_of, mono8, pose_of
+from gip_localizer.session.diagnostic_rules import CONCERNS
 
 pytestmark = pytest.mark.ros
 LENGTH = float(os.environ.get('GIP_SOAK', '12'))

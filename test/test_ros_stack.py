@@ -38,10 +38,10 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 
 from gip_localizer.core.pose import Pose2
-from gip_localizer.io.concerns import CONCERNS
-from gip_localizer.parameter_specs import dump_ros_yaml
 from gip_localizer.parameters import load_parameter_file
+from gip_localizer.parameters.spec import dump_ros_yaml
 from gip_localizer.ros.conversions import header_of, pose_of, time_of
+from gip_localizer.session.diagnostic_rules import CONCERNS
 
 CONFIG = Path(__file__).parents[1] / 'config'
 pytestmark = pytest.mark.ros

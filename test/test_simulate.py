@@ -11,13 +11,13 @@ from rosbags.rosbag2 import Reader
 from scipy.spatial.transform import Rotation
 
 from gip_localizer.cli import main
-from gip_localizer.core.camera import Extrinsics
-from gip_localizer.io.bags import Bag
+from gip_localizer.core.camera.model import Extrinsics
+from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.map_files import load_map
 from gip_localizer.io.messages import calibration, planar_pose, stamp_ns
-from gip_localizer.parameter_specs import load_ros_yaml
 from gip_localizer.parameters import load_parameter_file
+from gip_localizer.parameters.spec import load_ros_yaml
 from gip_localizer.synthetic.parameters import SyntheticCameraParameters
 from gip_localizer.synthetic.scenarios import SCENARIOS
 

@@ -12,12 +12,12 @@ import pytest
 
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.localizer import Localizer
-from gip_localizer.core.odometry import OdometrySample
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
-from gip_localizer.io.state_file import LastPose, load_state, map_hash, save_state, StateError
-from gip_localizer.io.state_keeper import StateKeeper
+from gip_localizer.core.track.odometry import OdometrySample
 from gip_localizer.parameters import Motion, Parameters
+from gip_localizer.session.pose_file import LastPose, load_state, map_hash, save_state, StateError
+from gip_localizer.session.pose_restore import StateKeeper
 
 SECOND = 1_000_000_000
 HASH = 'a' * 16

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from gip_localizer.core.calibration import Calibration
-from gip_localizer.core.camera import CameraModel, Extrinsics
+from gip_localizer.core.camera.calibration import Calibration
+from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import MapError
 from gip_localizer.synthetic.renderer import OFF_MAP, Renderer
 from gip_localizer.synthetic.world_tiles import tiles

@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import MapError
 from gip_localizer.synthetic.texture import value_noise
 from gip_localizer.synthetic.world_changes import changed

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from gip_localizer.core.odometry import OdometrySample
+from gip_localizer.core.belief import Belief, checked_prior, PriorError
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.core.tracker import Belief, checked_prior, PriorError, Tracker
+from gip_localizer.core.track.odometry import OdometrySample
+from gip_localizer.core.track.pose_filter import Tracker
 from gip_localizer.parameters import Motion
 
 MS = 1_000_000

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gip_localizer.evaluation.benchmark.rows import Row
+    from gip_localizer.benchmark.rows import Row
 
 SUITES = ('track', 'acquire', 'global', 'noise', 'growth', 'rectify', 'frame', 'map', 'node')
 DEFAULT_OUT = Path('results/bench')
@@ -41,9 +41,9 @@ def run(args: argparse.Namespace) -> int:
     """Measure, write the folder, print the table."""
     from tqdm import tqdm
 
+    from gip_localizer.benchmark.machine import machine
+    from gip_localizer.benchmark.output import as_markdown, MARK, write_bench
     from gip_localizer.errors import ParameterError
-    from gip_localizer.evaluation.benchmark.machine import machine
-    from gip_localizer.evaluation.benchmark.output import as_markdown, MARK, write_bench
     from gip_localizer.io.output_folder import check_folder
 
     if not 1.0 <= args.seconds <= 36_000.0:
@@ -65,23 +65,23 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _measure(suite: str, args: argparse.Namespace) -> tuple[list[Row], Any]:
-    from gip_localizer.evaluation.benchmark import maps, profile, rectify, searches
+    from gip_localizer.benchmark import map_area, profile, rectify, search_rows
 
     if suite in FRAMES:
         frames, judged = FRAMES[suite]
         if args.quick:
             frames, judged = max(frames // 50, 2), max(judged // 20, 1)
-        return searches.search_suite(suite, frames, judged, 1 if args.quick else 3)
+        return search_rows.search_suite(suite, frames, judged, 1 if args.quick else 3)
     if suite == 'noise':
-        return searches.noise_suite(20 if args.quick else 400)
+        return search_rows.noise_suite(20 if args.quick else 400)
     if suite == 'growth':
-        return [], searches.growth_details()
+        return [], search_rows.growth_details()
     if suite == 'rectify':
         return rectify.rectify_suite(50 if args.quick else 400)
     if suite == 'frame':
         return profile.profile_suite(1 if args.quick else 4)
     if suite == 'map':
-        return maps.map_suite(1 if args.quick else 3)
-    from gip_localizer.ros.bench_drive import node_suite
+        return map_area.map_suite(1 if args.quick else 3)
+    from gip_localizer.ros.bench.latency import node_suite
 
     return node_suite(min(args.seconds, 8.0) if args.quick else args.seconds)

@@ -10,12 +10,12 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gip_localizer.core.raster_map import RasterMap
-    from gip_localizer.evaluation.map_drive import MappedDrive
-    from gip_localizer.evaluation.map_settings import MapSettings
-    from gip_localizer.io.bag_topics import Topics
-    from gip_localizer.io.bags import Bag
+    from gip_localizer.core.map.raster_map import RasterMap
+    from gip_localizer.io.bags.bag import Bag
+    from gip_localizer.io.bags.topics import Topics
     from gip_localizer.io.trajectory import Trajectory
+    from gip_localizer.mapping.mapped_drive import MappedDrive
+    from gip_localizer.mapping.settings import MapSettings
     from gip_localizer.parameters import Parameters
 
 DEFAULT_OUT = Path('results/map/map.yaml')
@@ -72,12 +72,12 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Build the map, write it, print the table."""
     from gip_localizer.cli.settings import ctrl_c, recorded_parameters
-    from gip_localizer.evaluation.map_drive import MappedDrive
-    from gip_localizer.evaluation.map_settings import MapSettings
-    from gip_localizer.evaluation.replay import Window
-    from gip_localizer.io.bags import Bag
+    from gip_localizer.io.bags.bag import Bag
+    from gip_localizer.io.bags.window import Window
     from gip_localizer.io.map_files import save_map
     from gip_localizer.io.output_folder import check_file
+    from gip_localizer.mapping.mapped_drive import MappedDrive
+    from gip_localizer.mapping.settings import MapSettings
 
     check_file(args.out, force=args.force, suffixes=('.yaml', '.yml'))
     for end in ('.png', '_noise.png'):
@@ -102,8 +102,8 @@ def _poses(args: argparse.Namespace, bag: Bag,
            parameters: Parameters) -> tuple[Topics, Trajectory, list[str]]:
     """Return topics, poses and what is to be said of them."""
     from gip_localizer.errors import TrajectoryError
-    from gip_localizer.evaluation.truth import read_truth
-    from gip_localizer.io.bag_topics import choose_topics, TopicNames, TRUTH
+    from gip_localizer.io.bags.topics import choose_topics, TopicNames, TRUTH
+    from gip_localizer.io.bags.truth import read_truth
     from gip_localizer.io.trajectory import read_tum
 
     poses = None if args.poses is None else read_tum(args.poses)
@@ -133,7 +133,7 @@ def _with_progress(drive: MappedDrive, settings: MapSettings, bag: Bag,
 def _tell(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None:
     import numpy as np
 
-    from gip_localizer.core.map_cells import scaled
+    from gip_localizer.core.map.resampling import scaled
     from gip_localizer.evaluation.metrics import format_table, Row
 
     valid, noise = raster_map.valid, raster_map.noise

@@ -11,7 +11,7 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gip_localizer.evaluation.calibration_check import CalibrationCheck
+    from gip_localizer.mapping.calibration_check import CalibrationCheck
 
 BOUND = math.radians(0.5)
 """A pitch that is off by more fails the check."""
@@ -43,10 +43,10 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure, draw, and tell the pitch that the lines ask for."""
     from gip_localizer.cli.settings import recorded_parameters
-    from gip_localizer.evaluation.calibration_check import check_calibration, check_picture
-    from gip_localizer.io.bag_topics import choose_topics, TopicNames
-    from gip_localizer.io.bags import Bag
+    from gip_localizer.io.bags.bag import Bag
+    from gip_localizer.io.bags.topics import choose_topics, TopicNames
     from gip_localizer.io.output_folder import check_file, write_whole
+    from gip_localizer.mapping.calibration_check import check_calibration, check_picture
 
     check_file(args.out, force=args.force, suffixes=PICTURES)
     parameters = recorded_parameters(args)

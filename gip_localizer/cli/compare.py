@@ -36,8 +36,8 @@ def run(args: argparse.Namespace) -> int:
         read_runs,
     )
     from gip_localizer.evaluation.report import figure_uri, template
-    from gip_localizer.evaluation.report_figures import STYLE
     from gip_localizer.io.output_folder import fresh_folder
+    from gip_localizer.visualization.style import STYLE
 
     runs = read_runs(args.runs)
     labels = [folder.label for folder in runs]

@@ -13,8 +13,8 @@ from typing import Any, TYPE_CHECKING
 from gip_localizer.errors import ParameterError
 
 if TYPE_CHECKING:
-    from gip_localizer.evaluation.paper.curves import Curves
-    from gip_localizer.evaluation.paper.geometry import PaperCamera
+    from gip_localizer.paper.curves import Curves
+    from gip_localizer.paper.geometry import PaperCamera
 
 CAMERA_OPTIONS = {
     'height': ('height', 'camera height h above the road, cm (58.3095)'),
@@ -63,11 +63,11 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compute, write and print."""
-    from gip_localizer.evaluation.paper.curves import compute_curves
-    from gip_localizer.evaluation.paper.geometry import PaperCamera
-    from gip_localizer.evaluation.paper.output import CURVES_FILE
-    from gip_localizer.evaluation.paper.summary import curve_rows, format_rows
     from gip_localizer.io.output_folder import check_folder, fresh_folder
+    from gip_localizer.paper.curves import compute_curves
+    from gip_localizer.paper.geometry import PaperCamera
+    from gip_localizer.paper.output import CURVES_FILE
+    from gip_localizer.paper.summary import curve_rows, format_rows
 
     given = {name: getattr(args, name) for name, _ in CAMERA_OPTIONS.values()}
     camera = PaperCamera(**{name: value for name, value in given.items() if value is not None})
@@ -88,9 +88,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _write_curves(folder: Path, curves: Curves) -> None:
-    from gip_localizer.evaluation.paper.figure import curves_figure
-    from gip_localizer.evaluation.paper.output import CURVES_FILE, write_curves
-    from gip_localizer.evaluation.paper.style import save_figure, styled
+    from gip_localizer.paper.figure import curves_figure
+    from gip_localizer.paper.output import CURVES_FILE, write_curves
+    from gip_localizer.paper.style import save_figure, styled
 
     write_curves(folder / CURVES_FILE, curves)
     with styled():
@@ -101,16 +101,25 @@ def _run_full(
     folder: Path, camera: PaperCamera, seed: int, trials: int
 ) -> list[tuple[str, str, str]]:
     """Run and write the experiments on images; return the rows to print."""
-    from gip_localizer.evaluation.paper import beyond, full_figures, pipeline, summary
-    from gip_localizer.evaluation.paper.output import write_table
-    from gip_localizer.evaluation.paper.style import save_figure, styled
+    from gip_localizer.paper import (
+        baseline_comparison,
+        full_figures,
+        image_experiment,
+        summary,
+    )
+    from gip_localizer.paper.output import write_table
+    from gip_localizer.paper.style import save_figure, styled
 
     bar = _bar('the paper on images', 'place')
-    measured = pipeline.run_pipeline(camera, seed, bar, trials=trials)
-    write_table(folder / 'pipeline.csv', pipeline.COLUMNS, pipeline.table_rows(measured))
+    measured = image_experiment.run_pipeline(camera, seed, bar, trials=trials)
+    write_table(
+        folder / 'pipeline.csv', image_experiment.COLUMNS, image_experiment.table_rows(measured)
+    )
     bar = _bar('beyond the paper', 'place')
-    found = beyond.run_beyond(camera, seed, bar, trials=max(trials // 20, 1))
-    write_table(folder / 'beyond.csv', beyond.COLUMNS, beyond.table_rows(found))
+    found = baseline_comparison.run_beyond(camera, seed, bar, trials=max(trials // 20, 1))
+    write_table(
+        folder / 'beyond.csv', baseline_comparison.COLUMNS, baseline_comparison.table_rows(found)
+    )
     with styled():
         save_figure(full_figures.pipeline_figure(measured), folder, 'pipeline')
         save_figure(full_figures.beyond_figure(found), folder, 'beyond')

@@ -37,7 +37,7 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print or write parameters."""
-    from gip_localizer.evaluation.parameter_pages import markdown_table, parameter_file, tree_of
+    from gip_localizer.cli.parameter_pages import markdown_table, parameter_file, tree_of
 
     if args.write is not None:
         _write(args.write)
@@ -49,8 +49,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _write(root: Path) -> None:
-    from gip_localizer.evaluation.parameter_pages import markdown_table, parameter_file, tree_of
-    from gip_localizer.io.concerns import diagnostics_table
+    from gip_localizer.cli.parameter_pages import markdown_table, parameter_file, tree_of
+    from gip_localizer.session.diagnostic_rules import diagnostics_table
 
     readme = root / 'README.md'
     text = readme.read_text(encoding='utf-8') if readme.is_file() else ''

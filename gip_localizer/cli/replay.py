@@ -13,8 +13,8 @@ from typing import Any, TYPE_CHECKING
 if TYPE_CHECKING:
     from gip_localizer.core.estimate import Estimate
     from gip_localizer.evaluation.replay import Replay
-    from gip_localizer.io.bag_topics import Topics
-    from gip_localizer.io.bags import Bag
+    from gip_localizer.io.bags.bag import Bag
+    from gip_localizer.io.bags.topics import Topics
     from gip_localizer.io.trajectory import Trajectory
     from gip_localizer.parameters import Parameters
 
@@ -65,9 +65,10 @@ def run(args: argparse.Namespace) -> int:
     """Replay, write the results folder, print the table."""
     from gip_localizer.cli.settings import beside, ctrl_c
     from gip_localizer.evaluation.metrics import format_table, table_rows
-    from gip_localizer.evaluation.replay import Replay, Window
+    from gip_localizer.evaluation.replay import Replay
     from gip_localizer.evaluation.results import check_output, write_results
-    from gip_localizer.io.bag_topics import TRUTH
+    from gip_localizer.io.bags.topics import TRUTH
+    from gip_localizer.io.bags.window import Window
     from gip_localizer.io.map_files import load_map
 
     check_output(args.out, args.force)
@@ -97,9 +98,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _open(args: argparse.Namespace) -> tuple[Bag, Topics, Trajectory | None, list[str]]:
     """Return bag, topics, truth and what is to be said of them."""
-    from gip_localizer.evaluation.truth import read_truth
-    from gip_localizer.io.bag_topics import choose_topics, TopicNames
-    from gip_localizer.io.bags import Bag
+    from gip_localizer.io.bags.bag import Bag
+    from gip_localizer.io.bags.topics import choose_topics, TopicNames
+    from gip_localizer.io.bags.truth import read_truth
     from gip_localizer.io.trajectory import read_tum
 
     asked = args.ground_truth

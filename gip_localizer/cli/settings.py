@@ -12,8 +12,8 @@ import signal
 import threading
 
 from gip_localizer.errors import ParameterError
-from gip_localizer.parameter_specs import ParameterGroup
 from gip_localizer.parameters import load_parameter_file, Parameters
+from gip_localizer.parameters.spec import ParameterGroup
 
 
 def parse_settings(words: Sequence[str], tree: type[ParameterGroup]) -> dict[str, object]:

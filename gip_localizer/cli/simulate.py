@@ -45,9 +45,9 @@ def run(args: argparse.Namespace) -> int:
     """Write the folder."""
     from tqdm import tqdm
 
-    from gip_localizer.evaluation.simulate import START_NS, write_drive
     from gip_localizer.io.output_folder import check_folder, fresh_folder
     from gip_localizer.synthetic.drive import SyntheticDrive
+    from gip_localizer.synthetic.recording import START_NS, write_drive
 
     parameters = _parameters(args)
     check_folder(args.out, force=args.force, mark=MARK)
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
 def _parameters(args: argparse.Namespace) -> Any:
     from gip_localizer.cli.settings import parse_settings
     from gip_localizer.errors import ParameterError
-    from gip_localizer.parameter_specs import load_ros_yaml
+    from gip_localizer.parameters.spec import load_ros_yaml
     from gip_localizer.synthetic.parameters import SyntheticCameraParameters
     from gip_localizer.synthetic.scenarios import scenario_parameters
 

@@ -12,10 +12,10 @@ import math
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.birdseye import View
-from gip_localizer.core.fit import Fit
-from gip_localizer.core.matching import Scores
+from gip_localizer.core.birdseye.rectifier import View
+from gip_localizer.core.match.score_surface import Scores
 from gip_localizer.core.pose import Pose2
+from gip_localizer.core.refine.fit import Fit
 
 
 class Status(str, Enum):

@@ -20,12 +20,12 @@ import math
 
 import numpy as np
 
+from gip_localizer.core.belief import Belief
 from gip_localizer.core.estimate import Match, Status
-from gip_localizer.core.fit import Fit, SAME_PLACE
+from gip_localizer.core.match.posterior import independent_cells
 from gip_localizer.core.pose import difference
-from gip_localizer.core.posterior import independent_cells
-from gip_localizer.core.search import Found
-from gip_localizer.core.tracker import Belief
+from gip_localizer.core.refine.fit import Fit, SAME_PLACE
+from gip_localizer.core.search.local_search import Found
 from gip_localizer.parameters import CameraMotion, Parameters
 
 TIGHT_XY, TIGHT_YAW = 0.15, 0.03  # m, rad: standard deviations of a prior that may vouch

@@ -18,22 +18,24 @@ import time
 import numpy as np
 
 from gip_localizer.core.arrays import Floats, Grey
-from gip_localizer.core.birdseye import View
-from gip_localizer.core.camera import CameraModel
+from gip_localizer.core.belief import Belief, checked_prior
+from gip_localizer.core.birdseye.pixel_noise import estimate_pixel_noise
+from gip_localizer.core.birdseye.rectifier import View
+from gip_localizer.core.calibrated_view import Optics
+from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.estimate import Estimate, Match, Status
-from gip_localizer.core.frame_order import FrameOrder
-from gip_localizer.core.frame_search import FrameSearch
-from gip_localizer.core.gramian import estimate_pixel_noise, gramian, most_gain
+from gip_localizer.core.gramian import gramian, most_gain
 from gip_localizer.core.integrity import judge, Verdict
-from gip_localizer.core.map_cells import contrast
-from gip_localizer.core.map_crops import MapCrops
-from gip_localizer.core.odometry import OdometrySample
-from gip_localizer.core.optics import Optics
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.map.resampling import contrast
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
-from gip_localizer.core.search import Found
-from gip_localizer.core.standing import Standing
-from gip_localizer.core.tracker import Belief, checked_prior, Known, Tracker
+from gip_localizer.core.search.frame_search import FrameSearch
+from gip_localizer.core.search.local_search import Found
+from gip_localizer.core.search.map_crops import MapCrops
+from gip_localizer.core.track.odometry import OdometrySample
+from gip_localizer.core.track.pose_filter import Known, Tracker
+from gip_localizer.core.track.stamp_check import FrameOrder
+from gip_localizer.core.track.track_state import Standing
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Parameters
 

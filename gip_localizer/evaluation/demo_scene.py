@@ -10,8 +10,8 @@ import math
 from pathlib import Path
 from typing import Any
 
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.evaluation.demo import Hearing
 from gip_localizer.evaluation.run import FrameExhibit, Run
 from gip_localizer.io.map_files import save_map

@@ -19,62 +19,23 @@ import numpy as np
 
 from gip_localizer.core.arrays import Grey
 from gip_localizer.core.estimate import Estimate
-from gip_localizer.core.raster_map import RasterMap
-from gip_localizer.errors import BagError, ImageError, ParameterError
-from gip_localizer.evaluation.exhibits import WorstFrames
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.errors import BagError, ImageError
 from gip_localizer.evaluation.run import Run
-from gip_localizer.io.bag_sources import BagMessage, END
-from gip_localizer.io.bag_topics import IMAGES, ODOMETRY, Topics
-from gip_localizer.io.bags import Bag
-from gip_localizer.io.frontend import Frontend
+from gip_localizer.evaluation.worst_frames import WorstFrames
+from gip_localizer.io.bags.bag import Bag
+from gip_localizer.io.bags.sources import BagMessage
+from gip_localizer.io.bags.topics import IMAGES, ODOMETRY, Topics
+from gip_localizer.io.bags.window import Window
 from gip_localizer.io.images import compressed_grey_image, grey_image
-from gip_localizer.io.mask_pairing import Masked, MaskPairing
 from gip_localizer.io.trajectory import Trajectory
 from gip_localizer.parameters import Parameters
+from gip_localizer.session.frontend import Frontend
+from gip_localizer.session.mask_sync import Masked, MaskPairing
 
 COMPRESSED = IMAGES[1]
-MOST_SECONDS = 1e9
 
 
-@dataclass(frozen=True)
-class Window:
-    """
-    The part of a bag to replay.
-
-    Attributes
-    ----------
-    start_s : float
-        Seconds after the bag's first message.
-    duration_s : float or None
-        Seconds; None: to the end.
-
-    """
-
-    start_s: float = 0.0
-    duration_s: float | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse what is no time (raises ParameterError)."""
-        if not 0.0 <= self.start_s <= MOST_SECONDS:
-            raise ParameterError(
-                f'--start {self.start_s}: expected seconds from 0 to {MOST_SECONDS:g}'
-            )
-        if self.duration_s is not None and not 0.0 < self.duration_s <= MOST_SECONDS:
-            raise ParameterError(
-                f'--duration {self.duration_s}: expected seconds above 0, up to {MOST_SECONDS:g}'
-            )
-
-    def log_times(self, bag: Bag) -> tuple[int, int]:
-        """Return the first log time (ns) and the one at which to stop."""
-        start = bag.start_ns + round(self.start_s * 1e9)
-        stop = END if self.duration_s is None else start + round(self.duration_s * 1e9)
-        return start, stop
-
-    def share(self, bag: Bag) -> float:
-        """Return the share of the bag's time that is replayed."""
-        start, stop = self.log_times(bag)
-        length = max(bag.end_ns - bag.start_ns, 1)
-        return min(max((min(stop, bag.end_ns) - start) / length, 0.0), 1.0)
 
 
 @dataclass

@@ -18,14 +18,10 @@ from numpy.typing import NDArray
 
 from gip_localizer.evaluation.error_table import ErrorTable
 from gip_localizer.evaluation.metrics import latencies_ms, Metrics, table_rows
-from gip_localizer.evaluation.report_figures import (
-    error_figure,
-    latency_figure,
-    nees_figure,
-    STYLE,
-)
+from gip_localizer.evaluation.report_figures import error_figure, latency_figure, nees_figure
 from gip_localizer.evaluation.report_map import map_figure
 from gip_localizer.evaluation.run import FrameExhibit, Run
+from gip_localizer.visualization.style import STYLE
 
 MAX_PICTURE_SIDE = 480
 

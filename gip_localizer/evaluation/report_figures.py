@@ -4,23 +4,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 
 from gip_localizer.evaluation.error_table import ErrorTable
+from gip_localizer.visualization.style import BAND, ESTIMATE, TRUTH, WRONG
 
 Floats = NDArray[np.float64]
-ESTIMATE, TRUTH, WRONG, BAND = '#1768ac', '#1b8a3d', '#c1121f', '#9fc5e8'
 NEES_95 = (0.2157952826238981, 9.348403604496145)  # chi-square, 3 degrees of freedom
-STYLE: dict[Any, Any] = {
-    'font.size': 9.0, 'axes.grid': True, 'grid.alpha': 0.3, 'axes.axisbelow': True,
-    'axes.spines.top': False, 'axes.spines.right': False, 'svg.hashsalt': 'gip_localizer',
-    'legend.frameon': False, 'figure.constrained_layout.use': True,
-}
 SIZE = (4.8, 4.6)
 
 

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
 
-from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.evaluation.error_table import ELLIPSE_95, ErrorTable
-from gip_localizer.evaluation.report_figures import ESTIMATE, TRUTH, WRONG
 from gip_localizer.evaluation.run import Run
+from gip_localizer.visualization.style import ESTIMATE, TRUTH, WRONG
 
 Floats = NDArray[np.float64]
 ELLIPSE = '#e07a00'

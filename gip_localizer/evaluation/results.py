@@ -12,7 +12,7 @@ import numpy as np
 from gip_localizer.errors import OutputError
 from gip_localizer.evaluation.error_table import tabulate_errors
 from gip_localizer.evaluation.metrics import compute_metrics, Metrics
-from gip_localizer.evaluation.published import write_published
+from gip_localizer.evaluation.published_bag import write_published
 from gip_localizer.evaluation.report import render_report
 from gip_localizer.evaluation.run import Run
 from gip_localizer.io.output_folder import check_folder, fresh_folder

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gip_localizer.core.arrays import Grey
 from gip_localizer.errors import ImageError
-from gip_localizer.io.decoder_warnings import damage, decoder_warnings
+from gip_localizer.io.jpeg_warnings import damage, decoder_warnings
 
 MAX_PIXELS = 1 << 27  # a larger image is a fault or an attack, not a camera
 COLOUR = {

@@ -15,13 +15,13 @@ import numpy as np
 import yaml
 
 from gip_localizer.core.arrays import Bools, Grey, WHITE
-from gip_localizer.core.birdseye import LOOKED_AT
+from gip_localizer.core.birdseye.rectifier import LOOKED_AT
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import MapError, OutputError
-from gip_localizer.io.decoder_warnings import damage, decoder_warnings
 from gip_localizer.io.images import is_truncated_jpeg
-from gip_localizer.io.map_store import Cells, stored_cells
+from gip_localizer.io.jpeg_warnings import damage, decoder_warnings
+from gip_localizer.io.map_cache import Cells, stored_cells
 from gip_localizer.io.output_folder import write_whole
 
 REQUIRED = ('image', 'resolution', 'origin')

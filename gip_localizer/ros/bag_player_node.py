@@ -22,9 +22,9 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import SetBool
 
 from gip_localizer.errors import BagError, ParameterError
-from gip_localizer.io.bag_player_parameters import BagPlayerParameters
-from gip_localizer.io.bag_sources import BagMessage
-from gip_localizer.io.bags import Bag
+from gip_localizer.io.bags.bag import Bag
+from gip_localizer.io.bags.sources import BagMessage
+from gip_localizer.parameters.integration import BagPlayerParameters
 from gip_localizer.ros.conversions import time_of
 from gip_localizer.ros.middleware import image_environment
 from gip_localizer.ros.parameters import LiveParameters

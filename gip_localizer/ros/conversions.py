@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
-from gip_localizer.core.calibration import Calibration
-from gip_localizer.core.map_cells import scaled
+from gip_localizer.core.camera.calibration import Calibration
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.map.resampling import scaled
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.io.messages import full_covariance, quaternion_of_yaw
 from gip_localizer.synthetic.wheel_odometry import OdometryReading
 

@@ -14,7 +14,7 @@ from rclpy.node import Node
 from gip_localizer.errors import GipError
 from gip_localizer.parameters import Parameters
 from gip_localizer.ros.endpoints import Endpoints
-from gip_localizer.ros.localization import Localization
+from gip_localizer.ros.localizer.localization import Localization
 from gip_localizer.ros.parameters import given_at_start, LiveParameters
 from gip_localizer.ros.running import run_node
 

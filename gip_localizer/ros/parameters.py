@@ -26,7 +26,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from gip_localizer.errors import ParameterError
-from gip_localizer.parameter_specs import ParameterGroup, Spec
+from gip_localizer.parameters.spec import ParameterGroup, Spec
 
 Tree = TypeVar('Tree', bound=ParameterGroup)
 LARGEST_INTEGER = 2**53

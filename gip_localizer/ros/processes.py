@@ -15,7 +15,7 @@ import sys
 from types import TracebackType
 
 from gip_localizer.errors import GipError
-from gip_localizer.parameter_specs import Value
+from gip_localizer.parameters.spec import Value
 
 PR_SET_PDEATHSIG = 1
 PATIENCE = ((signal.SIGINT, 5.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 5.0))

@@ -29,7 +29,7 @@ from gip_localizer.ros.middleware import image_environment
 from gip_localizer.ros.parameters import LiveParameters
 from gip_localizer.ros.running import run_node
 from gip_localizer.synthetic.drive import SyntheticDrive, SyntheticFrame
-from gip_localizer.synthetic.publishing import CameraNodeParameters
+from gip_localizer.synthetic.parameters import CameraNodeParameters
 from gip_localizer.synthetic.wheel_odometry import OdometryReading
 
 EXAMPLE = '-p world.name:=tiles -p rate:=5.0 -p publish.wait:=true'

@@ -7,10 +7,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gip_localizer.errors import ParameterError
-from gip_localizer.parameter_specs import group, ParameterGroup
-from gip_localizer.parameter_specs import parameter as p
 from gip_localizer.parameters import Camera
-from gip_localizer.stack_parameters import Frames
+from gip_localizer.parameters.integration import Frames
+from gip_localizer.parameters.spec import group, ParameterGroup
+from gip_localizer.parameters.spec import parameter as p
 
 
 @dataclass(frozen=True)
@@ -129,3 +129,21 @@ class SyntheticCameraParameters(ParameterGroup):
             raise ParameterError(
                 f'parameter sensor.bits: got {self.sensor.bits}, expected 8 or 16'
             )
+
+
+@dataclass(frozen=True)
+class Publishing:
+    """How frames go out."""
+
+    transport: str = p('raw', 'Which topic carries the images: image, or image/compressed.',
+                       choices=('raw', 'compressed'), read_only=True)
+    jpeg_quality: int = p(90, 'Quality of compressed images.', low=1, high=100)
+    wait: bool = p(False, 'Set out when someone listens to image, camera_info and odom.',
+                   read_only=True)
+
+
+@dataclass(frozen=True)
+class CameraNodeParameters(SyntheticCameraParameters):
+    """All parameters of the node `synthetic_camera`."""
+
+    publish: Publishing = group(Publishing)

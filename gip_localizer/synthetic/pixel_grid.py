@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gip_localizer.core.camera import CameraModel
+from gip_localizer.core.camera.model import CameraModel
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gip_localizer.core.camera import CameraModel
+from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.synthetic.pixel_grid import PixelGrid
 
 Floats = NDArray[np.float64]

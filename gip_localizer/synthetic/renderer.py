@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from gip_localizer.core.camera import CameraModel, Extrinsics
-from gip_localizer.core.map_cells import scaled
+from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.map.resampling import scaled
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import MapError
 from gip_localizer.synthetic.pixel_grid import PixelGrid
 from gip_localizer.synthetic.pixel_sampling import (

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import math
 
 from gip_localizer.errors import ParameterError
-from gip_localizer.parameter_specs import Value
+from gip_localizer.parameters.spec import Value
 from gip_localizer.synthetic.parameters import SyntheticCameraParameters
 
 PAPER_CAMERA: dict[str, Value] = {

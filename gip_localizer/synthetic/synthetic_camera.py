@@ -10,10 +10,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gip_localizer.core.calibration import Calibration
-from gip_localizer.core.camera import CameraModel, Extrinsics
+from gip_localizer.core.camera.calibration import Calibration
+from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.synthetic.motions import Twist2
 from gip_localizer.synthetic.parameters import Lens, SyntheticCameraParameters
 from gip_localizer.synthetic.renderer import Renderer

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gip_localizer.core.camera import CameraModel
+from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.pose import Pose2
 
 Floats = NDArray[np.float64]

@@ -17,8 +17,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gip_localizer.core.odometry import OdometrySample
 from gip_localizer.core.pose import Pose2
+from gip_localizer.core.track.odometry import OdometrySample
 from gip_localizer.synthetic.motions import Motion
 from gip_localizer.synthetic.parameters import Odometry
 

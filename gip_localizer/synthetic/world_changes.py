@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gip_localizer.core.arrays import WHITE
-from gip_localizer.core.raster_map import RasterMap
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.synthetic.asphalt import asphalt
 from gip_localizer.synthetic.canvas import Canvas, paint, rectangle
 from gip_localizer.synthetic.texture import smooth_step, value_noise

@@ -15,9 +15,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gip_localizer.core.map_cells import scaled
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.map.resampling import scaled
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.raster_map import RasterMap
 from gip_localizer.errors import MapError
 from gip_localizer.synthetic.paths import Path, rectangle_loop
 from gip_localizer.synthetic.world_road import road

@@ -20,10 +20,10 @@ import numpy as np
 
 from gip_localizer.core.arrays import Bools, Floats
 from gip_localizer.core.pose import Pose2
-from gip_localizer.evaluation.conditions import CAR_CAMERA, Setup, STILL, TILES
+from gip_localizer.evaluation.suites.conditions import CAR_CAMERA, Setup, STILL, TILES
 from gip_localizer.evaluation.suites.suite import Bound, Cell, of_part, Record, Section
-from gip_localizer.evaluation.trials import Bench, compared, Spread
-from gip_localizer.parameter_specs import Value
+from gip_localizer.evaluation.suites.trials import Bench, compared, Spread
+from gip_localizer.parameters.spec import Value
 from gip_localizer.synthetic.renderer import Renderer
 
 MOST_RATIO = 1.2

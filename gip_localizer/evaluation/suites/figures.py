@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 import numpy as np
 
-from gip_localizer.evaluation.conditions import CONDITIONS
-from gip_localizer.evaluation.report_figures import ESTIMATE, NEES_95, WRONG
+from gip_localizer.evaluation.report_figures import NEES_95
+from gip_localizer.evaluation.suites.conditions import CONDITIONS
 from gip_localizer.evaluation.suites.integrity import confidences, GROUPS
 from gip_localizer.evaluation.suites.suite import of_part, Record
+from gip_localizer.visualization.style import ESTIMATE, WRONG
 
 SIZE, WIDE = (7.2, 3.4), (11.0, 3.2)
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from gip_localizer.core.pose import Pose2
-from gip_localizer.evaluation.conditions import (
+from gip_localizer.evaluation.suites.conditions import (
     CARS,
     CHANGED,
     CLEAR,
@@ -20,7 +20,7 @@ from gip_localizer.evaluation.conditions import (
     TILES,
 )
 from gip_localizer.evaluation.suites.suite import Bound, Cell, of_part, Record, Section, share
-from gip_localizer.evaluation.trials import Bench, compared, is_wrong, Spread, Trial
+from gip_localizer.evaluation.suites.trials import Bench, compared, is_wrong, Spread, Trial
 
 RICH = (
     CLEAR, NIGHT, DISTORTED, CHANGED, TILES,

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from gip_localizer.evaluation.conditions import CLEAR, Setup
+from gip_localizer.evaluation.suites.conditions import CLEAR, Setup
 from gip_localizer.evaluation.suites.suite import Bound, Cell, of_part, Record, Section, share
-from gip_localizer.evaluation.trials import Bench, Spread, Trial
+from gip_localizer.evaluation.suites.trials import Bench, Spread, Trial
 
 LANE = replace(CLEAR, name='featureless lane', ground='lane')
 SETUPS = (LANE, replace(CLEAR, name='road'))

@@ -15,12 +15,12 @@ import matplotlib as mpl
 
 from gip_localizer import __version__
 from gip_localizer.evaluation.report import figure_uri, template
-from gip_localizer.evaluation.report_figures import STYLE
 from gip_localizer.evaluation.suites.figures import charts
 from gip_localizer.evaluation.suites.suite import Record, Section
 from gip_localizer.evaluation.suites.tables import COLUMNS, plain, record_rows, text, totals
 from gip_localizer.io.output_folder import fresh_folder
 from gip_localizer.parameters import Parameters
+from gip_localizer.visualization.style import STYLE
 
 MARK = 'evaluation.json'
 DPI = 150

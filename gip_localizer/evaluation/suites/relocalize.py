@@ -11,10 +11,10 @@ from functools import lru_cache
 import numpy as np
 
 from gip_localizer.core.localizer import Localizer
-from gip_localizer.core.odometry import OdometrySample
-from gip_localizer.evaluation.conditions import CLEAR, NIGHT, Setup
+from gip_localizer.core.track.odometry import OdometrySample
+from gip_localizer.evaluation.suites.conditions import CLEAR, NIGHT, Setup
 from gip_localizer.evaluation.suites.suite import Bound, Cell, of_part, Record, Section, share
-from gip_localizer.evaluation.trials import Bench, compared, localized, Trial
+from gip_localizer.evaluation.suites.trials import Bench, compared, localized, Trial
 
 START_NS = 10**15
 APART_NS = 10**10  # each try lies so far before the one before, which starts a localizer anew

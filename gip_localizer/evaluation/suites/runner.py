@@ -17,9 +17,9 @@ from gip_localizer.evaluation.suites.lane import Lane
 from gip_localizer.evaluation.suites.relocalize import Relocalize
 from gip_localizer.evaluation.suites.single_frame import SingleFrame
 from gip_localizer.evaluation.suites.suite import Record, Suite
+from gip_localizer.evaluation.suites.trials import Bench
 from gip_localizer.evaluation.suites.wide_start import WideStart
-from gip_localizer.evaluation.trials import Bench
-from gip_localizer.parameter_specs import Value
+from gip_localizer.parameters.spec import Value
 
 SUITES: dict[str, Suite] = {
     suite.name: suite

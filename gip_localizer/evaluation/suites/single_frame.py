@@ -11,7 +11,7 @@ import math
 import numpy as np
 from scipy.stats import chi2
 
-from gip_localizer.evaluation.conditions import Condition, CONDITIONS
+from gip_localizer.evaluation.suites.conditions import Condition, CONDITIONS
 from gip_localizer.evaluation.suites.suite import (
     Bound,
     Cell,
@@ -21,7 +21,7 @@ from gip_localizer.evaluation.suites.suite import (
     Section,
     share,
 )
-from gip_localizer.evaluation.trials import Bench, Spread, Trial
+from gip_localizer.evaluation.suites.trials import Bench, Spread, Trial
 
 FREEDOM = 3
 MOST_NEES = 6.0  # where the model does not hold: overconfident by at most a factor 2

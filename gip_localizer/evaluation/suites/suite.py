@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import math
 from typing import Protocol
 
-from gip_localizer.evaluation.conditions import Setup
-from gip_localizer.evaluation.trials import Bench, Trial
+from gip_localizer.evaluation.suites.conditions import Setup
+from gip_localizer.evaluation.suites.trials import Bench, Trial
 
 Cell = str | int | float
 

@@ -19,18 +19,19 @@ import weakref
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.birdseye import Rectifier, View
-from gip_localizer.core.gramian import estimate_pixel_noise, gramian
-from gip_localizer.core.map_crops import MapCrops
+from gip_localizer.core.birdseye.pixel_noise import estimate_pixel_noise
+from gip_localizer.core.birdseye.rectifier import Rectifier, View
+from gip_localizer.core.gramian import gramian
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.core.search import lattice_scores
-from gip_localizer.core.windows import Extent
-from gip_localizer.evaluation.conditions import CAR_CAMERA, CARS, CHANGED, NIGHT, Setup
-from gip_localizer.evaluation.paper.peers import orb_homography, Scene
+from gip_localizer.core.search.local_search import lattice_scores
+from gip_localizer.core.search.map_crops import MapCrops
+from gip_localizer.core.search.window import Extent
+from gip_localizer.evaluation.suites.conditions import CAR_CAMERA, CARS, CHANGED, NIGHT, Setup
 from gip_localizer.evaluation.suites.suite import Bound, Cell, of_part, Record, Section, share
-from gip_localizer.evaluation.trials import Bench, compared, is_wrong, ORIGIN, Spread, Trial
-from gip_localizer.parameter_specs import Value
+from gip_localizer.evaluation.suites.trials import Bench, compared, is_wrong, ORIGIN, Spread, Trial
+from gip_localizer.paper.baselines import orb_homography, Scene
 from gip_localizer.parameters import Birdseye
+from gip_localizer.parameters.spec import Value
 
 START = Spread(3.5, 3.5, math.radians(17.0))
 WINDOW: dict[str, Value] = {

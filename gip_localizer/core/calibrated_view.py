@@ -1,0 +1,48 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What is computed once per calibration and set of parameters."""
+
+from __future__ import annotations
+
+from gip_localizer.core.birdseye.rectifier import Rectifier
+from gip_localizer.core.camera.model import CameraModel
+from gip_localizer.core.refine.refiner import Refiner
+from gip_localizer.parameters import Parameters
+
+
+class Optics:
+    """
+    Rectifier and refiner of a camera, and the gain that its last match showed (None: no match).
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Calibrated camera.
+    parameters : Parameters
+        All tunables.
+
+    Raises
+    ------
+    CalibrationError
+        The camera sees no road in the view.
+
+    """
+
+    def __init__(self, camera: CameraModel, parameters: Parameters) -> None:
+        self._rests_on = _relevant(camera, parameters)
+        self.rectifier = Rectifier(camera, parameters.birdseye)
+        self.refiner = Refiner(
+            self.rectifier, parameters.camera_motion,
+            normalized=parameters.score.normalized,
+            robust=parameters.score.robust,
+        )
+        self.gain: float | None = None
+
+    def serves(self, camera: CameraModel, parameters: Parameters) -> bool:
+        """Tell whether nothing that this rests on has changed."""
+        return self._rests_on == _relevant(camera, parameters)
+
+
+def _relevant(camera: CameraModel, parameters: Parameters) -> tuple[object, ...]:
+    score = parameters.score
+    return camera.key(), parameters.birdseye, parameters.camera_motion, score.metric, score.robust

@@ -1,0 +1,328 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The map of the road: a grey raster with a resolution and an origin.
+
+Metres become cells here and nowhere else. Row 0 of the array is the top of the image (largest
+y of the grid); the origin is the pose, in the map frame, of the lower-left corner of the
+lower-left cell (nav2 map_server), and cell centres lie half a cell inside.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+import mmap
+from typing import Any
+
+import cv2
+import numpy as np
+
+from gip_localizer.core.arrays import Bools, Floats, Grey, WHITE
+from gip_localizer.core.map.bilinear import corners, Samples
+from gip_localizer.core.map.resampling import (
+    all_finite,
+    averaged_noise,
+    blurred,
+    doubled,
+    joined,
+    repeated,
+    scaled,
+    slopes,
+    smoothed,
+)
+from gip_localizer.core.pose import Pose2
+from gip_localizer.errors import MapError
+
+Box = tuple[int, int, int, int]
+"""First row and one past the last, first column and one past the last."""
+
+
+@dataclass(frozen=True, eq=False)
+class RasterMap:
+    """
+    A grey map in a map frame.
+
+    Attributes
+    ----------
+    grey : (rows, cols) uint8, uint16 or float32
+        Brightness; full scale (255, 65535 or 1.0) is white.
+    resolution : float
+        Side of a cell, metres.
+    origin : Pose2
+        Pose of the lower-left corner of the lower-left cell in the map frame.
+    valid : (rows, cols) bool or None
+        Cells that hold data; None: all.
+    noise : (rows, cols) uint8, uint16 or float32, or None
+        Standard deviation of each cell's grey, on a full scale as that of grey; None: not told.
+
+    Raises
+    ------
+    MapError
+        Empty array, unknown dtype, NaN or infinity (unknown cells are told by `valid`), or a
+        resolution that is not positive.
+
+    """
+
+    grey: Grey
+    resolution: float
+    origin: Pose2 = Pose2(0.0, 0.0, 0.0)
+    valid: Bools | None = None
+    noise: Grey | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be a map."""
+        if self.grey.ndim != 2 or self.grey.size == 0 or self.grey.dtype not in WHITE:
+            raise MapError(
+                f'map array has shape {self.grey.shape} and type {self.grey.dtype}; '
+                'expected rows x columns of uint8, uint16 or float32'
+            )
+        if not (math.isfinite(self.resolution) and self.resolution > 0.0):
+            raise MapError(f'map resolution is {self.resolution}; expected metres per cell > 0')
+        if not self.origin.is_finite():
+            raise MapError(f'map origin is {tuple(self.origin)}; expected finite x, y, yaw')
+        if self.valid is not None and self.valid.shape != self.grey.shape:
+            raise MapError(
+                f'map mask has shape {self.valid.shape}, the map {self.grey.shape}'
+            )
+        if self.noise is not None and (
+            self.noise.shape != self.grey.shape or self.noise.dtype not in WHITE
+        ):
+            raise MapError(
+                f'map noise has shape {self.noise.shape} and type {self.noise.dtype}; expected '
+                f'that of the map, {self.grey.shape}, of uint8, uint16 or float32'
+            )
+        for name, values in (('grey', self.grey), ('noise', self.noise)):
+            if values is not None and not all_finite(values):
+                raise MapError(
+                    f'map {name} holds NaN or infinity; expected finite numbers, and cells that '
+                    'are unknown marked False in `valid`'
+                )
+
+    def release(self) -> None:
+        """Give back the memory of what was looked at, where the map is mapped from disk."""
+        for array in (self.grey, self.valid, self.noise):
+            pages: Any = array
+            while isinstance(pages, (np.ndarray, memoryview)):
+                pages = pages.base if isinstance(pages, np.ndarray) else pages.obj
+            if isinstance(pages, mmap.mmap) and hasattr(mmap, 'MADV_DONTNEED'):
+                pages.madvise(mmap.MADV_DONTNEED)
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Width and height of the grid, metres."""
+        rows, cols = self.grey.shape
+        return cols * self.resolution, rows * self.resolution
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Least x, least y, largest x, largest y of the grid's corners in the map frame."""
+        width, height = self.size_m
+        corners = self.origin.transform(
+            np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
+        )
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    def to_cell(self, xy_map: Floats) -> Floats:
+        """Fractional (..., 2) row and column of map points; cell centres are integers."""
+        local = self.origin.inverse().transform(xy_map)
+        rows = self.grey.shape[0]
+        row = rows - 0.5 - local[..., 1] / self.resolution
+        col = local[..., 0] / self.resolution - 0.5
+        return np.stack([row, col], axis=-1)
+
+    def to_map(self, rc: Floats) -> Floats:
+        """Map points (..., 2) of fractional rows and columns; the inverse of `to_cell`."""
+        rc = np.asarray(rc, float)
+        rows = self.grey.shape[0]
+        local = np.stack([rc[..., 1] + 0.5, rows - 0.5 - rc[..., 0]], axis=-1) * self.resolution
+        return self.origin.transform(local)
+
+    def contains(self, xy_map: Floats) -> Bools:
+        """Tell which (..., 2) map points lie on the grid (data or not)."""
+        rc = self.to_cell(np.asarray(xy_map, float)) + 0.5
+        rows, cols = self.grey.shape
+        inside: Bools = (
+            (rc[..., 0] >= 0) & (rc[..., 0] < rows) & (rc[..., 1] >= 0) & (rc[..., 1] < cols)
+        )
+        return inside
+
+    def crop(self, xy_map: Floats, *, margin: float, cell: float) -> RasterMap | None:
+        """
+        The part of the map around some points, as float32, smoothed for a cell size.
+
+        Parameters
+        ----------
+        xy_map : (n, 2) float64
+            Points of the map frame that the crop must hold.
+        margin : float
+            Metres to add on every side.
+        cell : float
+            Side of the cells (m) that will be compared with it. Where these are larger than
+            the map's own, the map is smoothed (second moment of the box matched), and
+            decimated when they are more than twice as large.
+
+        Returns
+        -------
+        RasterMap or None
+            None where the points lie off the map altogether.
+
+        """
+        box = self.box(xy_map, margin=margin, cell=cell)
+        return None if box is None else self.cut(box, cell)
+
+    def box(self, xy_map: Floats, *, margin: float, cell: float, snap: float = 0.0) -> Box | None:
+        """
+        Rows and columns of the crop around some points.
+
+        Parameters
+        ----------
+        xy_map, margin, cell
+            As for `crop`.
+        snap : float
+            Metres: boxes start at multiples of this and are whole multiples long, so that
+            neighbouring places share one. 0: no longer than need be.
+
+        """
+        rc = self.to_cell(xy_map)
+        pad = margin / self.resolution + 3.0 * max(cell / self.resolution, 1.0)
+        low = np.floor(rc.min(axis=0) - pad).astype(int)
+        high = np.ceil(rc.max(axis=0) + pad).astype(int) + 1
+        step = self._joining(cell)
+        if snap:
+            grain = max(round(snap / self.resolution / step), 1) * step
+            length = (-((low - high) // grain) + 1) * grain
+            low = low // grain * grain
+            high = low + length
+        shape = np.array(self.grey.shape)
+        low, high = np.clip(low, 0, shape), np.clip(high, 0, shape)
+        high -= (high - low) % step
+        if np.any(high - low < max(step, 2)):
+            return None
+        return int(low[0]), int(high[0]), int(low[1]), int(high[1])
+
+    def _joining(self, cell: float) -> int:
+        return max(int(cell / self.resolution / 2.0 + 1e-9), 1)
+
+    def cut(self, box: Box, cell: float) -> RasterMap:
+        """Return the part in a box (`box`), as `crop` does."""
+        low, high, step = (box[0], box[2]), (box[1], box[3]), self._joining(cell)
+        part = (slice(low[0], high[0]), slice(low[1], high[1]))
+        values = scaled(self.grey[part])
+        valid = None if self.valid is None else np.asarray(self.valid[part])
+        if valid is not None and valid.all():
+            valid = None
+        resolution = self.resolution * step
+        corner = self.to_map(np.array([high[0] - 0.5, low[1] - 0.5]))
+        noise = None
+        if self.noise is not None:
+            noise = averaged_noise(self.noise[part], step, cell / resolution)
+        if step > 1:
+            values, valid = joined(values, valid, step)
+        values, valid = smoothed(values, valid, cell / resolution)
+        origin = Pose2(float(corner[0]), float(corner[1]), self.origin.yaw)
+        return RasterMap(values, resolution, origin, valid, noise)
+
+    def smoothed(self, cell: float, before: float) -> RasterMap:
+        """
+        Return the map (float32) smoothed for larger cells, at its own resolution.
+
+        Parameters
+        ----------
+        cell, before : float
+            Side of the cells (m) that it is for, and that it was smoothed for before (`cut`).
+
+        """
+        ratio, done = (max(side / self.resolution, 1.0) for side in (cell, before))
+        values, valid = smoothed(scaled(self.grey), self.valid, ratio, done)
+        noise = None if self.noise is None else averaged_noise(self.noise, 1, ratio / done)
+        return RasterMap(values, self.resolution, self.origin, valid, noise)
+
+    def blurred_slopes(self, sigma: float) -> tuple[Floats, Floats]:
+        """
+        Slopes of the map behind a Gaussian, in the middle of each cell and the next ones.
+
+        Parameters
+        ----------
+        sigma : float
+            Metres.
+
+        Returns
+        -------
+        (rows, cols) float32
+            Down the rows, per cell; of a float32 map.
+        (rows, cols) float32
+            Right along the columns.
+
+        """
+        values, _ = blurred(self.grey, self.valid, sigma / self.resolution)
+        return slopes(values)
+
+    def doubled(self) -> RasterMap:
+        """
+        Return the map (float32) on cells of half the side, by cubic splines.
+
+        Between cell centres bilinear sampling blurs, at them it does not, which draws a match
+        towards the one or the other; sampled on the halved cells that pull is small.
+
+        """
+        valid = None
+        if self.valid is not None:
+            whole = cv2.erode(self.valid.astype(np.uint8), np.ones((3, 3), np.uint8))
+            valid = repeated(whole > 0)
+        noise = None if self.noise is None else repeated(self.noise)
+        values = doubled(scaled(self.grey))
+        return RasterMap(values, 0.5 * self.resolution, self.origin, valid, noise)
+
+    def sample(self, xy_map: Floats) -> tuple[Floats, Bools]:
+        """
+        Grey at map points, bilinear between cell centres.
+
+        Parameters
+        ----------
+        xy_map : (n, 2) float64
+            Metres in the map frame.
+
+        Returns
+        -------
+        values : (n,) float32
+            In [0, 1]; 0 where not valid.
+        valid : (n,) bool
+            On the grid and all of the cells that contribute hold data.
+
+        """
+        samples = self.sample_from(Pose2(0.0, 0.0, 0.0), xy_map[:, 0], xy_map[:, 1])
+        return samples.values, samples.known
+
+    def sample_from(self, T_map_a: Pose2, x: Floats, y: Floats) -> Samples:
+        """
+        Grey at points of a frame, with its slopes along that frame's axes.
+
+        Parameters
+        ----------
+        T_map_a : Pose2
+            Pose of the frame in the map.
+        x, y : (n,) float32 or float64
+            Metres in the frame.
+
+        Returns
+        -------
+        Samples
+            Bilinear between cell centres.
+
+        """
+        row, col, T_grid_a = self._cells_from(T_map_a, x, y)
+        found = corners(self.grey, self.valid, row, col)
+        return Samples(found, WHITE[self.grey.dtype], self.resolution, T_grid_a.yaw)
+
+    def _cells_from(self, T_map_a: Pose2, x: Floats, y: Floats) -> tuple[Floats, Floats, Pose2]:
+        """Fractional rows and columns of points of frame a, and a's pose in the grid."""
+        T_grid_a = self.origin.inverse() @ T_map_a
+        kind = x.dtype.type
+        cos = kind(math.cos(T_grid_a.yaw) / self.resolution)
+        sin = kind(math.sin(T_grid_a.yaw) / self.resolution)
+        col = cos * x - sin * y + kind(T_grid_a.x / self.resolution - 0.5)
+        row = kind(self.grey.shape[0] - 0.5 - T_grid_a.y / self.resolution) - sin * x - cos * y
+        return row, col, T_grid_a

@@ -1,0 +1,141 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A view and its map window at one cell size, and the same with cells joined.
+
+Joining adds weights up and averages values, of view and map alike; the lattice's step grows with
+the cells, and its step in heading to what moves the view's corner by about as much. Values are
+smoothed before, over as much as a joined cell: else a place half a joined cell beside the lattice,
+where the texture of cells looks unlike, is not seen on it.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
+import math
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.birdseye.grid import Grid
+from gip_localizer.core.match.downsampling import joined
+from gip_localizer.core.match.lattice import Lattice, make_canvas, widened
+from gip_localizer.core.pose import Pose2
+
+ORIGIN = Pose2(0.0, 0.0, 0.0)
+CORNER_STEP = 1.5  # cells that the corner of the view may move per yaw; its weight is nearer
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """
+    What a search compares, at one cell size.
+
+    Attributes
+    ----------
+    grid : Grid
+        Cells of the view.
+    values, weight : (rows, cols) float32
+        The view and the Gramian's diagonal.
+    lattice : Lattice
+        The candidates; its step is the grid's resolution.
+    canvas : Grid
+        Cells that the turned view covers (`make_canvas`).
+    window, known : (map rows, map cols) float32
+        Map values, 0 where unknown, and 1 where known, on `widened(canvas, lattice)`.
+    stride : int
+        Yaws of the finest lattice per yaw of this one.
+
+    """
+
+    grid: Grid
+    values: Floats
+    weight: Floats
+    lattice: Lattice
+    canvas: Grid
+    window: Floats
+    known: Floats
+    stride: int = 1
+
+    @cached_property
+    def everywhere(self) -> bool:
+        """Whether the map is known on all of the window."""
+        return bool(self.known.all())
+
+    def joined(self, factor: int) -> Level:
+        """Return the level with factor x factor cells joined."""
+        own = self.lattice
+        plan = _plan(self.grid, own.step, own.half, own.yaws.tobytes(), own.pivot, factor)
+        lattice = Lattice(own.anchor, plan.step, plan.half, own.yaws[plan.yaws], own.pivot)
+        weight, values = self._joined_view(plan.grid, factor)
+        window, known = self._joined_window(plan.wide, factor)
+        return Level(
+            plan.grid, values, weight, lattice, plan.canvas, window, known,
+            plan.yaws.step * self.stride,
+        )
+
+    def _joined_view(self, larger: Grid, factor: int) -> tuple[Floats, Floats]:
+        """Summed weights, and means by weight."""
+        area = np.float32(factor * factor)
+        shares = [
+            joined(plane, factor, larger.shape, smooth=True)
+            for plane in (self.weight, self.weight * self.values)
+        ]
+        values = shares[1] / np.maximum(shares[0], np.float32(1e-20) / area)
+        return joined(self.weight, factor, larger.shape) * area, values
+
+    def _joined_window(self, wide: Grid, factor: int) -> tuple[Floats, Floats]:
+        fine = widened(self.canvas, self.lattice)
+        top = round((wide.far - fine.far) / fine.resolution)
+        left = round((wide.left - fine.left) / fine.resolution)
+        everywhere = self.everywhere
+        join = partial(joined, factor=factor, shape=wide.shape, corner=(top, left))
+        values = join(self.window, smooth=True, replicate=everywhere)
+        if everywhere:
+            return values, np.ones(wide.shape, np.float32)
+        known = (join(self.known) > 0.5).astype(np.float32)
+        share = join(self.known, smooth=True)
+        return values / np.maximum(share, np.float32(1e-6)) * known, known
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """Grids of joined cells, which are the same for every frame of a search."""
+
+    grid: Grid
+    canvas: Grid
+    wide: Grid
+    step: float
+    half: tuple[int, int]
+    yaws: slice
+
+
+@lru_cache(maxsize=32)
+def _plan(
+    grid: Grid, step: float, half: tuple[int, int], yaws: bytes, pivot: float, factor: int
+) -> _Plan:
+    """Plan the joining of a view's and a lattice's cells; yaws are float64."""
+    headings = np.frombuffer(yaws)
+    larger = Grid(
+        grid.far, grid.left, math.ceil(grid.rows / factor), math.ceil(grid.cols / factor),
+        grid.resolution * factor,
+    )
+    stride = _stride(grid, headings, pivot, factor)
+    kept = slice((len(headings) // 2) % stride, None, stride)
+    halves = (math.ceil(half[0] / factor), math.ceil(half[1] / factor))
+    lattice = Lattice(ORIGIN, step * factor, halves, headings[kept], pivot)
+    canvas = make_canvas(larger, lattice)
+    return _Plan(larger, canvas, widened(canvas, lattice), lattice.step, halves, kept)
+
+
+def _stride(grid: Grid, yaws: Floats, pivot: float, factor: int) -> int:
+    """Yaws that may be left out where cells are `factor` times as large."""
+    if len(yaws) < 3:
+        return 1
+    middle = grid.far - 0.5 * grid.rows * grid.resolution
+    length = 0.5 * grid.rows * grid.resolution + abs(middle - pivot)
+    corner = math.hypot(length, 0.5 * grid.cols * grid.resolution)
+    step = CORNER_STEP * factor * grid.resolution / corner
+    return max(min(int(step / float(yaws[1] - yaws[0])), len(yaws) // 2), 1)

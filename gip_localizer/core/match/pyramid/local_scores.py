@@ -1,0 +1,217 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Exact residuals of single candidates, for following a mode.
+
+A turned template laid out with the row length of a part of the window meets that part at any
+translation as one contiguous run, so that without the compiled loop a sum of products is one
+product of long vectors.
+
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from functools import lru_cache
+from itertools import groupby, product
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.kernels.library import AVAILABLE
+from gip_localizer.core.match.compiled_scores import Comparison, Room
+from gip_localizer.core.match.lattice import Index
+from gip_localizer.core.match.pyramid.level import Level
+from gip_localizer.core.match.scoring import Scorer
+from gip_localizer.core.match.template_rotation import turn_affine
+
+TURNED = np.zeros((2, 3))  # instead of what turns, where that is done
+SPARE_ROOMS = 32
+SPARE_BYTES = 1 << 20  # of each, at most
+
+
+Rectangle = tuple[int, int, int, int]
+"""First x and y of some translations, and how many there are in x and in y."""
+
+
+def _rectangles(places: list[Index]) -> dict[Rectangle, list[int]]:
+    """Divide sorted candidates into rectangles, each of one or more yaws."""
+    found: dict[Rectangle, list[int]] = {}
+    last: tuple[int, Rectangle] | None = None
+    # neighbours in y, one after the other, have the same difference
+    for _, run in groupby(enumerate(places), lambda n: (n[1][:2], n[0] - n[1][2])):
+        (_, (yaw, x, y)), *others = run
+        n_x, count = 1, 1 + len(others)
+        if last and last[0] == yaw:
+            first_x, first_y, high, wide = last[1]
+            if (first_x + high, first_y, wide) == (x, y, count):
+                found[last[1]].pop()
+                x, n_x = first_x, high + 1
+        last = yaw, (x, y, n_x, count)
+        found.setdefault(last[1], []).append(yaw)
+    return {rectangle: yaws for rectangle, yaws in found.items() if yaws}
+
+
+class _Rooms:
+    """Rooms of one shape (templates, rows, cols) that are used again."""
+
+    def __init__(self, shape: tuple[int, int, int], cols: int) -> None:
+        self._shape, self._cols = shape, cols
+        self._spare: deque[Room] = deque(maxlen=SPARE_ROOMS)
+
+    def take(self) -> Room:
+        """Return a room whose first columns hold anything, the others zeros."""
+        try:
+            return self._spare.pop()
+        except IndexError:
+            return Room(np.zeros(self._shape, np.float32)[:, :, : self._cols])
+
+    def put(self, room: Room) -> None:
+        """Take a room back."""
+        if room.planes.nbytes <= SPARE_BYTES:
+            self._spare.append(room)
+
+
+@lru_cache(maxsize=8)
+def _rooms_of(shape: tuple[int, int, int], cols: int) -> _Rooms:
+    return _Rooms(shape, cols)
+
+
+class Probe:
+    """
+    Residuals of chosen candidates of a level.
+
+    Parameters
+    ----------
+    level : Level
+        View, map window and lattice.
+    normalized, min_overlap
+        As for `match`.
+    about : (int, int, int), optional
+        Only the part of the window about this candidate is prepared; `holds` tells whether it
+        is enough.
+    reach : int
+        Translations about it that may be scored.
+
+    Attributes
+    ----------
+    known : dict
+        Index to residual, for every candidate scored so far.
+
+    """
+
+    def __init__(
+        self, level: Level, *, normalized: bool, min_overlap: float, about: Index | None = None,
+        reach: int = 0,
+    ) -> None:
+        self._level = level
+        half, canvas = level.lattice.half, level.canvas
+        centre = about[1:] if about else half
+        x, y = ((max(n - reach, 0), min(n + reach, 2 * h)) if about else (0, 2 * h)
+                for n, h in zip(centre, half, strict=True))
+        self._low, self._high = (x[0], y[0]), (x[1], y[1])
+        part = slice(x[0], x[1] + canvas.rows), slice(y[0], y[1] + canvas.cols)
+        self._scorer = Scorer(
+            level.values, level.weight, level.window[part], level.known[part],
+            normalized=normalized, min_overlap=min_overlap, residual_only=True,
+            everywhere=level.everywhere,
+        )
+        templates, fields = self._scorer.templates, self._scorer.fields
+        self._comparison = Comparison(
+            templates, fields, self._scorer.terms, self._scorer.sums_needed
+        ) if AVAILABLE else None
+        self._turned: dict[int, Room] = {}
+        self._totals = np.zeros((len(level.lattice.yaws), self._scorer.sums_needed), np.float32)
+        shape = len(templates.planes), canvas.rows, fields.shape[2]
+        self._rooms = _rooms_of(shape, canvas.cols)
+        self.known: dict[Index, float] = {}
+
+    def close(self) -> None:
+        """Give the arrays back for the next frame; what is known stays."""
+        for room in self._turned.values():
+            self._rooms.put(room)
+        self._turned = {}
+
+    def holds(self, index: Index) -> bool:
+        """Tell whether a candidate's neighbours may be asked for, two steps away at most."""
+        half = self._level.lattice.half
+        return all(
+            (low == 0 or n - 2 >= low) and (high == 2 * h or n + 2 <= high) for n, low, high, h
+            in zip(index[1:], self._low, self._high, half, strict=True)
+        )
+
+    def box(self, index: Index, reach: int = 1) -> list[Index]:
+        """Return a candidate and its neighbours inside the lattice, `reach` steps away."""
+        yaws, xs, ys = (
+            [k for k in (n - reach, n, n + reach) if 0 <= k < count]
+            for n, count in zip(index, self._level.lattice.shape, strict=True)
+        )
+        return list(product(yaws, xs, ys))
+
+    def best_about(self, index: Index, reach: int = 1) -> Index:
+        """Return the best of a candidate and its neighbours, scored where they are not."""
+        box = self.box(index, reach)
+        self._score_new([place for place in box if place not in self.known])
+        return min(box, key=self.known.__getitem__)
+
+    def is_shallow(self, index: Index, share: float) -> bool:
+        """Tell whether another of the candidate's scored neighbours is about as good."""
+        limit = self.known[index] * (1.0 + share)
+        return any(place != index and self.known[place] <= limit for place in self.box(index))
+
+    def score(self, places: Iterable[Index]) -> None:
+        """Make candidates known."""
+        self._score_new(sorted(set(places).difference(self.known)))
+
+    def _score_new(self, new: list[Index]) -> None:
+        """Make candidates known that are not, in their order."""
+        if not new:
+            return
+        sums: list[Floats] = []
+        places: list[Index] = []
+        for (x, y, n_x, n_y), yaws in _rectangles(new).items():
+            start = x - self._low[0], y - self._low[1]
+            of_yaws = np.empty((len(yaws), len(self._scorer.terms), n_x, n_y), np.float32)
+            self._sum_up(yaws, start, of_yaws)
+            sums.append(of_yaws.swapaxes(0, 1).reshape(len(self._scorer.terms), -1))
+            places.extend(product(yaws, range(x, x + n_x), range(y, y + n_y)))
+        totals = self._totals[[place[0] for place in places]]
+        found = self._scorer.score(np.concatenate(sums, axis=1), totals)
+        self.known.update(zip(places, found.residual.tolist(), strict=True))
+
+    def _sum_up(self, yaws: list[int], start: tuple[int, int], out: Floats) -> None:
+        """Write the terms (yaws, terms, n_x, n_y) of neighbours from a place on."""
+        turned = [yaw in self._turned for yaw in yaws]
+        affines = [TURNED if there else self._affine(yaw)
+                   for yaw, there in zip(yaws, turned, strict=True)]
+        for yaw, there in zip(yaws, turned, strict=True):
+            if not there:
+                self._turned[yaw] = self._rooms.take()
+        rooms, totals = [self._turned[yaw] for yaw in yaws], self._totals[yaws]
+        if self._comparison:
+            self._comparison.compare(affines, rooms, turned, totals, start, out)
+        else:
+            for k, (room, affine) in enumerate(zip(rooms, affines, strict=True)):
+                if not turned[k]:
+                    totals[k] = self._scorer.templates.turned(room.planes, affine, totals.shape[1])
+                self._by_runs(room, start, out[k])
+        self._totals[yaws] = totals
+
+    def _by_runs(self, room: Room, start: tuple[int, int], out: Floats) -> None:
+        """Write the terms (terms, n_x, n_y) of one yaw as products of long vectors."""
+        templates, rows, cols = room.planes.shape
+        count, _, width = self._scorer.fields.shape
+        length = (rows - 1) * width + cols
+        assert room.planes.base is not None
+        runs = room.planes.base.reshape(templates, -1)[:, :length]
+        flat = self._scorer.fields.reshape(count, -1)
+        for (k, term), x in product(enumerate(self._scorer.terms), range(out.shape[1])):
+            first = (start[0] + x) * width + start[1]
+            parts = flat[:, first : first + length + out.shape[2] - 1]
+            out[k, x] = sum(np.correlate(parts[field], runs[t]) for t, field in term)
+
+    def _affine(self, yaw: int) -> Floats:
+        level = self._level
+        angle = float(level.lattice.yaws[yaw])
+        return turn_affine(level.grid, level.canvas, angle, level.lattice.pivot)

@@ -1,0 +1,146 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A refined match: pose, covariance, and how well view and map agree there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+import math
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.pose import Pose2
+from gip_localizer.core.refine.least_squares import Problem
+
+SAME_PLACE = 0.2  # m between fits, beyond which they are at different places
+LEVER = 6.0  # m: where a turn and a shift of the view are compared
+MOST_CORRELATION = 0.9999  # beyond which fits are equally good
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """
+    A refined match.
+
+    Attributes
+    ----------
+    pose : Pose2
+        Base in map.
+    covariance : (3, 3) float64
+        Of x, y (m) and yaw (rad) in the axes of the pose (ahead, left), from how far each block
+        of road moves it, so that correlated residuals count as what they are; wider where a share
+        of the road disagrees.
+    problem : Problem
+        The least-squares problem at the pose.
+    camera_motion : (3,) float64
+        Estimated pitch, roll (rad) and height (m) relative to the calibration.
+    gain, offset : float
+        Of the view relative to the map, grey levels of [0, 1].
+    residual : float
+        Weighted mean square of the residuals of the cells that agree.
+    inliers : float
+        Share of the weight that agrees with the map, 0..1.
+    correlation : float
+        Weighted correlation of view and blurred map over the cells that agree.
+    agreement : float
+        Share of the weight in blocks of road whose pattern is the map's, among those whose
+        pattern stands out of the noise, 0..1; 1 when outliers are not looked for.
+    overlap : float
+        Share of the weight on known map cells.
+    converged : bool
+        The last step was small and the pose stayed near its start.
+    overdispersion : float
+        Standard deviations over those that the noise model alone explains.
+    chi_sq : float
+        Mean of squared residuals over their expected variance (1 when the noise model holds).
+    cell : float
+        Side (m) of the compared cells, of the view or of the map, whichever are larger.
+
+    """
+
+    pose: Pose2
+    covariance: Floats
+    problem: Problem
+    camera_motion: Floats
+    gain: float
+    offset: float
+    residual: float
+    inliers: float
+    correlation: float
+    agreement: float
+    overlap: float
+    converged: bool
+    chi_sq: float
+    overdispersion: float
+    cell: float
+
+    @property
+    def fisher(self) -> Floats:
+        """
+        Covariance (3, 3) by Fisher information alone, in the axes of the pose.
+
+        The Cramér-Rao bound for white pixel noise and the weights as given.
+
+        """
+        return self.problem.fisher()
+
+    @property
+    def covariance_in_map(self) -> Floats:
+        """Covariance (3, 3) of x, y and yaw in the map's axes."""
+        turn = np.eye(3)
+        turn[:2, :2] = self.pose.rotation()
+        turned: Floats = turn @ self.covariance @ turn.T
+        return 0.5 * (turned + turned.T)
+
+    def distance(self, other: Fit) -> float:
+        """Metres from another fit."""
+        return math.hypot(other.pose.x - self.pose.x, other.pose.y - self.pose.y)
+
+    def along_weakest(self, distance: float) -> Pose2:
+        """
+        Return the motion (in the axes of the pose) along which the view tells least.
+
+        Parameters
+        ----------
+        distance : float
+            Its length, metres; what a turn moves at `LEVER` counts.
+
+        """
+        _, directions = self._by_strength
+        ahead, left, turn = distance * directions[:, -1]
+        return Pose2(float(ahead), float(left), float(turn) / LEVER)
+
+    @property
+    def anisotropy(self) -> float:
+        """Standard deviation along what the view tells least, over that of what it tells most."""
+        variances, _ = self._by_strength
+        return math.sqrt(max(float(variances[-1]), 0.0) / max(float(variances[0]), 1e-30))
+
+    @cached_property
+    def _by_strength(self) -> tuple[Floats, Floats]:
+        """Variances (3,), least first, that the noise model expects, and their directions."""
+        scale = np.diag([1.0, 1.0, LEVER])
+        scaled = scale @ self.problem.expected @ scale
+        if not np.isfinite(scaled).all():
+            return np.zeros(3), np.eye(3)
+        variances, directions = np.linalg.eigh(scaled)
+        return variances, directions
+
+    @property
+    def evidence(self) -> float:
+        """Log likelihood per cell that the map gains over a blank road, `-ln(1 - c²)/2`."""
+        unexplained = 1.0 - min(max(self.correlation, 0.0), MOST_CORRELATION) ** 2
+        return -0.5 * math.log(unexplained)
+
+    @property
+    def merit(self) -> float:
+        """
+        How good the fit is among fits at other places: how much agrees, and how well.
+
+        The evidence over the share of the road that agrees: a fit that gives up the paint for
+        a larger share of weak asphalt does not win.
+
+        """
+        return self.agreement * self.evidence

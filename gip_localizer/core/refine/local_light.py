@@ -1,0 +1,93 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Light that differs from place to place: edges of shadows, head lights, flicker, fog.
+
+Brightness and contrast are learnt from the view itself, as the same over a few cells each. What
+is broader than that in the map tells nothing any more; the pattern does.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.refine.stages import Stage
+
+BRIGHTNESS_SIDE = 4.0  # cells of the view (standard deviation) over which brightness is the same
+CONTRAST_SIDE = 16.0  # and over which contrast is
+BRIGHTNESS, CONTRAST = (0.05, 4.0), (0.05, 2.0)  # limits of each, over its mean
+RIDGE = np.float32(0.01)  # share of seen cells below which the light is even
+DARK = 0.25  # of the mean brightness, below which cells tell little of it
+FLAT = np.float32(0.1)  # of the mean pattern, below which cells tell little of the contrast
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """
+    What light makes of a map: `gain` times its grey plus `veil`.
+
+    Attributes
+    ----------
+    gain, veil : (rows, cols) float32
+        Over the road, in cells of any size.
+    broad : (rows, cols) float32
+        The part of the map that the light explains.
+
+    """
+
+    gain: Floats
+    veil: Floats
+    broad: Floats
+
+    def on(self, stage: Stage) -> LightOnCells:
+        """Return the light on the cells of a stage."""
+        return LightOnCells(*map(stage.of_grid, (self.gain, self.veil, self.broad)))
+
+
+@dataclass(frozen=True, eq=False)
+class LightOnCells:
+    """The same on n cells: (n,) float32 each."""
+
+    gain: Floats
+    veil: Floats
+    broad: Floats
+
+
+def find_light(stage: Stage, values: Floats, grey: Floats, known: Floats) -> Light:
+    """
+    Find the light of a view.
+
+    All cells count alike: with the Gramian's weights, which fall with the distance, the light
+    of a place would be that of a nearer one.
+
+    Parameters
+    ----------
+    stage : Stage
+        Whose cells they are.
+    values, grey, known : (n,) float32
+        View less its offset and over its gain, the map, and 1 where both are known.
+
+    """
+    def mean(what: Floats, side: float) -> Floats:
+        return _blurred(stage, known * what, side) / (_blurred(stage, known, side) + RIDGE)
+
+    floor = np.float32(DARK * grey.mean() + 1e-6)
+    ratio = np.maximum(values, 0.0) / np.maximum(grey, floor)
+    brightness = np.clip(mean(ratio, BRIGHTNESS_SIDE), *BRIGHTNESS)
+    broad = mean(grey, BRIGHTNESS_SIDE)
+    lit = stage.of_grid(brightness)
+    pattern = lit * (grey - stage.of_grid(broad))
+    seen = values - stage.of_grid(mean(values, BRIGHTNESS_SIDE))
+    power = mean(pattern * pattern, CONTRAST_SIDE)
+    weak = FLAT * power.mean() + np.float32(1e-12)
+    contrast = np.clip((mean(pattern * seen, CONTRAST_SIDE) + weak) / (power + weak), *CONTRAST)
+    return Light(brightness * contrast, brightness * (1.0 - contrast) * broad, broad)
+
+
+def _blurred(stage: Stage, values: Floats, side: float) -> Floats:
+    return np.asarray(cv2.GaussianBlur(stage.on_grid(values), (0, 0), side / stage.factor))

@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What a descent is given: a stage's cells of a frame, where to start, what is unknown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats, Ints
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.pose import Pose2
+from gip_localizer.core.refine.local_light import Light
+from gip_localizer.core.refine.stages import OPTICAL_TERMS, Stage
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """
+    What is estimated beside x, y and yaw.
+
+    Attributes
+    ----------
+    moving : (m,) int
+        Components of the camera's motion (pitch, roll, height) that are free.
+    prior : (3 + m [+ 2],) float64
+        Information of the prior on every unknown; gain and offset come last.
+    normalized : bool
+        Gain and offset are unknown.
+    robust : bool
+        Cells that disagree with the map lose their weight.
+
+    """
+
+    moving: Ints
+    prior: Floats
+    normalized: bool
+    robust: bool
+
+    def scales(self, gain: float) -> Floats:
+        """What the slopes (p,) of the map are in grey levels of the view."""
+        scales = np.full(len(self.prior), gain)
+        if self.normalized:
+            scales[-2:] = 1.0
+        return scales
+
+
+@dataclass(eq=False)
+class State:
+    """
+    Pose, camera's motion (pitch, roll, height), last step; what the view is like.
+
+    Where the light varies over the road, it stands for the shading of the lens too.
+
+    """
+
+    pose: Pose2
+    camera_motion: Floats
+    exposure: tuple[float, float] | None = None
+    agreement: float = 1.0
+    step: Floats = field(default_factory=lambda: np.zeros(3))
+    shading: Floats = field(default_factory=lambda: np.zeros(OPTICAL_TERMS))
+    light: Light | None = None
+
+    def shade(self, stage: Stage) -> Floats | None:
+        """How the lens shades the cells (n,), about 1; None: not at all."""
+        if not self.shading.any():
+            return None
+        return np.float32(1.0) + self.shading.astype(np.float32) @ stage.optical
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """
+    One stage's cells of a frame, and the map they meet.
+
+    Attributes
+    ----------
+    stage : Stage
+        Which cells.
+    values, weights : (n,) float32
+        Grey and Gramian.
+    raster_map : RasterMap
+        What the cells are compared with.
+    locking : float
+        What sampling between its cell centres may shift a pose by, m.
+    calm_slopes : ((rows, cols) float32, (rows, cols) float32) or None
+        `RasterMap.blurred_slopes` of it, for cells that err with the map; None: not used.
+    pixel_share : (n,) float32
+        Share of the cells' variance that pixels cause and not the map.
+
+    """
+
+    stage: Stage
+    values: Floats
+    weights: Floats
+    raster_map: RasterMap
+    locking: float
+    calm_slopes: tuple[Floats, Floats] | None
+    pixel_share: Floats

@@ -1,0 +1,214 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+From a lattice winner to a continuous pose: Gauss-Newton under the same weighted norm.
+
+The view is modelled as `v = a S û(pose, camera) + b + noise`, with the map û at the cells, the
+camera's pixel blur S (`birdseye.Rectifier.pixel_blur`), gain a and offset b. With white pixel
+noise the covariance of v is proportional to `S G⁻¹`, so the maximum-likelihood gradient is
+`Jᵀ G (v - a S û - b)` and the Fisher information `Jᵀ G S J`: the paper's weights, exact also for
+far cells that share pixels.
+
+The first steps look at joined cells and a smoothed map, which widens the basin; the last at all
+cells, with the blur.
+
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats, Ints
+from gip_localizer.core.birdseye.rectifier import Rectifier, View
+from gip_localizer.core.map.crop import Crop
+from gip_localizer.core.match.downsampling import coarsened
+from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.core.refine.fit import Fit
+from gip_localizer.core.refine.gauss_newton import Descent, settled
+from gip_localizer.core.refine.least_squares import Problem
+from gip_localizer.core.refine.observation import Layer, State, Unknowns
+from gip_localizer.core.refine.stages import make_stages
+from gip_localizer.parameters import CameraMotion
+
+MAX_DRIFT = 1.0  # m from the start
+STAGE_SHARE = 0.001  # of the squared change since the coarser stage that counts as variance, ...
+MOST_CHANGE = 0.2  # ... up to this, in cells of the map that is met: more is the way there
+EXPECTED_INLIERS = 0.95  # share of the weight that agrees where view and map differ by noise
+LEAST_INLIERS = 0.1
+LIGHT_ROUNDS = 3  # before the first step: gain and offset depend on the light
+PITCH_BASIN = 0.005  # rad: pitch from which the first stage still finds its way
+
+
+def _pitches(sigma: float) -> list[float]:
+    """Pitches to start from, rad: the calibrated one first, then outwards to two sigmas."""
+    count = int(2.0 * sigma / PITCH_BASIN)
+    spacing = 2.0 * sigma / max(count, 1)
+    return [0.0, *(sign * k * spacing for k in range(1, count + 1) for sign in (1, -1))]
+
+
+def _is_covariance(matrix: Floats) -> bool:
+    """Tell whether a matrix is finite and positive definite."""
+    return bool(np.isfinite(matrix).all() and np.linalg.eigvalsh(matrix).min() > 0.0)
+
+
+class Refiner:
+    """
+    Gauss-Newton for one calibration.
+
+    Parameters
+    ----------
+    rectifier : Rectifier
+        Gives the cells and the pixel blur.
+    camera_motion : CameraMotion
+        Standard deviations of the camera's motion; zeros fix it.
+    normalized : bool
+        True: gain and offset are unknown.
+    robust : bool
+        True: cells that disagree with the map lose their weight.
+
+    """
+
+    def __init__(
+        self, rectifier: Rectifier, camera_motion: CameraMotion, *, normalized: bool, robust: bool
+    ) -> None:
+        self.camera = rectifier.camera
+        self.pitches = _pitches(camera_motion.sigma_pitch)
+        self._unknowns = _unknowns(camera_motion, normalized=normalized, robust=robust)
+        self._stages = make_stages(rectifier)
+
+    def layers(
+        self, view: View, weight: Floats, crop: Crop, map_noise: float = 0.0,
+        stages: slice = slice(None),
+    ) -> list[Layer]:
+        """
+        Lay a frame out for the stages, once for all starts.
+
+        Parameters
+        ----------
+        view : View
+            Bird's-eye view of the rectifier.
+        weight : (rows, cols) float32
+            The Gramian's diagonal.
+        crop : Crop
+            Of the map; covers the view about all starts.
+        map_noise : float
+            Standard deviation of the map in the view's grey levels, as in the Gramian.
+        stages : slice
+            Which; all of them, coarse to fine, where it is not given.
+
+        """
+        layers = []
+        for stage in self._stages[stages]:
+            joined, weights = coarsened(view, weight, stage.factor)
+            weighed = weights.ravel()[stage.index]
+            calm = stage.factor == 1 and map_noise > 0.0
+            layers.append(Layer(
+                stage, joined.patch.ravel()[stage.index], weighed,
+                crop.for_cells(stage.resolution), crop.locking(stage.resolution),
+                crop.calm_slopes(stage.resolution) if calm else None,
+                np.maximum(np.float32(1.0) - weighed * np.float32(map_noise**2), 0.0),
+            ))
+        return layers
+
+    def refine(
+        self, layers: list[Layer], start: Pose2, *, pitch: float = 0.0, uneven: bool = False
+    ) -> Fit:
+        """
+        Improve a pose.
+
+        Parameters
+        ----------
+        layers : list of Layer
+            The frame, from `layers`.
+        start : Pose2
+            Base in map, within about 0.2 m of the optimum.
+        pitch : float
+            Pitch relative to the calibration to start from, rad.
+        uneven : bool
+            The light varies over the road, and is found with the pose.
+
+        Returns
+        -------
+        Fit
+            The refined pose; `converged` is False where it cannot be believed.
+
+        """
+        state = State(start, np.array([pitch, 0.0, 0.0]))
+        for _ in range(LIGHT_ROUNDS if uneven else 0):
+            state.light = Descent(layers[0], state, self._unknowns).lit()
+        for layer in layers:
+            coarser = state.pose
+            descent = Descent(layer, state, self._unknowns)
+            problem = descent.run()
+            if layer is layers[-1]:
+                continue
+            if uneven:
+                state.light = Descent(layer, state, self._unknowns).lit()
+            elif self._unknowns.normalized:
+                state.shading = descent.shaded(problem)
+        drift = math.hypot(state.pose.x - start.x, state.pose.y - start.y)
+        spread = problem.block_covariance(self._stages[-1].blocks)
+        covariance = spread / _recognised(problem) + _beyond(coarser, state.pose, layers[-1])
+        converged = (
+            drift < MAX_DRIFT and _is_covariance(covariance) and settled(state.step, covariance)
+        )
+        return _fit(problem, state, spread, covariance, layers[-1], converged=converged)
+
+
+def _unknowns(camera_motion: CameraMotion, *, normalized: bool, robust: bool) -> Unknowns:
+    sigmas = np.array(
+        [camera_motion.sigma_pitch, camera_motion.sigma_roll, camera_motion.sigma_height]
+    )
+    moving: Ints = np.flatnonzero(sigmas > 0.0)
+    exposed = 2 if normalized else 0
+    prior = np.concatenate([np.zeros(3), 1.0 / sigmas[moving] ** 2, np.zeros(exposed)])
+    return Unknowns(moving, prior, normalized, robust)
+
+
+def _recognised(problem: Problem) -> float:
+    """
+    Share of the road that agrees, over what noise alone leaves: at most 1.
+
+    What is not on the map is not told from the road to the last cell: the more of the view it
+    hides, the more of it is taken for road. Errors behind cars are 1.3 times what the cells that
+    agree tell, which this share explains; where all of the road agrees it changes nothing.
+
+    """
+    return min(max(problem.inliers(), LEAST_INLIERS) / EXPECTED_INLIERS, 1.0)
+
+
+def _beyond(coarser: Pose2, pose: Pose2, layer: Layer) -> Floats:
+    """Covariance (3, 3) of what residuals do not tell: sampling, and what the stages disagree."""
+    locking = layer.locking
+    change = difference(coarser.inverse() @ pose, Pose2(0.0, 0.0, 0.0))
+    most = MOST_CHANGE * layer.raster_map.resolution
+    change = change / max(np.hypot(change[0], change[1]) / most, 1.0)
+    floor = np.diag([locking**2, locking**2, (0.2 * locking) ** 2])
+    return np.asarray(floor + STAGE_SHARE * np.outer(change, change))
+
+
+def _fit(
+    problem: Problem, state: State, spread: Floats, covariance: Floats, layer: Layer, *,
+    converged: bool,
+) -> Fit:
+    weight = float(layer.weights.sum(dtype=np.float64))
+    known = float(layer.weights[problem.all_weights > 0.0].sum(dtype=np.float64))
+    return Fit(
+        pose=state.pose,
+        covariance=covariance,
+        problem=problem,
+        camera_motion=state.camera_motion,
+        gain=problem.gain,
+        offset=problem.offset,
+        residual=problem.mean_square(),
+        inliers=problem.inliers(),
+        correlation=problem.correlation(),
+        agreement=state.agreement,
+        overlap=known / max(weight, 1e-20),
+        converged=converged,
+        chi_sq=problem.scale_sq,
+        overdispersion=problem.overdispersion(spread),
+        cell=max(layer.stage.resolution, layer.raster_map.resolution),
+    )

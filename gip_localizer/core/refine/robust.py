@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How a view differs from the map other than by the pose: exposure, shading, what is not there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.refine.blocks import Blocks
+
+TRIMMED = 1.0 / 3.0  # share of the cells whose residuals tell the noise
+TRIMMED_CHI_SQ = 0.1855  # that quantile of the chi-square distribution, 1 degree of freedom
+BETTER_BLOCKS = 0.8  # quantile of the blocks' correlations that sets the standard
+LEAST_TELLING = 0.02  # share of the weight that must stand out of the noise to tell
+LEAST_PATTERN = 5e-4  # weighted standard deviation of a map that has any pattern
+TELLING = 0.35  # expected correlation below which a block's own says nothing
+OUTLIERS = (3.0, 6.0, 6.0, 3.0)  # standard deviations beyond which residuals lose weight, by ...
+SPREADS = (0.25, 1.0, 1.15, 1.5)  # ... their mean square over the assumed noise's
+
+
+
+
+
+
+def agreeing(
+    values: Floats, predicted: Floats, weights: Floats, blocks: Blocks, *,
+    gain: float | None = None,
+) -> tuple[Floats, float]:
+    """
+    Tell the cells (n,) float32 0 or 1 in blocks of road whose pattern is the map's.
+
+    The second value is the share of the weight, among the blocks whose pattern stands out of
+    the noise, that is in such blocks: 0 where no block's does.
+
+    Within a block brightness and contrast do not matter, so that cars, glare and patches show
+    before the exposure is known. A block is kept if its correlation is at least half of what
+    the noise lets expect; without a gain, half of what the better blocks reach.
+
+    """
+    columns = np.ones((3, len(values)), np.float32)
+    np.subtract(values, values.mean(), out=columns[1])
+    np.subtract(predicted, predicted.mean(), out=columns[2])
+    moments = blocks.larger_products(columns * weights, columns)
+    total = moments[:, 0, 0]
+    w = np.maximum(total, 1e-20)
+    v, m = (moments[:, k, 0] / w for k in (1, 2))
+    var_v = np.maximum(moments[:, 1, 1] / w - v**2, 0.0)
+    var_m = np.maximum(moments[:, 2, 2] / w - m**2, 0.0)
+    alike = (moments[:, 1, 2] / w - v * m) / np.maximum(np.sqrt(var_v * var_m), 1e-12)
+    counted = total > 0.0
+    if not counted.any():
+        return np.ones(len(values), np.float32), 0.0
+    if gain is None:
+        expected = np.full(len(w), _quantile(alike[counted], BETTER_BLOCKS))
+        telling, kept = counted, alike >= 0.5 * expected
+    else:
+        cells = blocks.larger_sums((weights > 0.0).astype(np.int32))
+        pattern = gain**2 * var_m
+        expected = np.sqrt(pattern / (pattern + np.maximum(cells, 1) / w))
+        telling = counted & (expected >= TELLING) & (var_m > LEAST_PATTERN**2)
+        kept = (alike >= 0.5 * expected) | ~telling
+    share = float(w[telling & kept].sum() / max(w[telling].sum(), LEAST_TELLING * w.sum()))
+    return blocks.over_larger(kept), share
+
+
+def mean_normalised_square(residual: Floats, weights: Floats) -> float:
+    """Robust mean of r² W (1 when the weights are 1/variance), from its lower third."""
+    part = slice(None, None, max(len(residual) // 2500, 1))
+    used, squares = weights[part], residual[part] ** 2
+    squares *= used
+    if not used.all():
+        squares = squares[used > 0.0]
+    if not squares.size:
+        return 1.0
+    return max(_quantile(squares, TRIMMED) / TRIMMED_CHI_SQ, 1e-6)
+
+
+def _quantile(values: Floats, share: float) -> float:
+    """Return the value at a share of the ranks, without interpolation."""
+    rank = int(share * (len(values) - 1))
+    return float(np.partition(values, rank)[rank])
+
+
+def outlier_scale(residual: Floats, weights: Floats, scale_sq: float) -> float:
+    """
+    Standard deviations beyond which residuals lose their weight.
+
+    Close limits cost a few hundredths of the error where all is noise: the mean square of the
+    residuals, `scale_sq` the noise's, is near 1 there. Above, some are not noise; far below, the
+    noise is assumed so large that the limits are wide as they are.
+
+    """
+    cells = max(int(np.count_nonzero(weights)), 1)
+    spread = float((weights * residual) @ residual) / (cells * scale_sq)
+    return float(np.interp(spread, SPREADS, OUTLIERS))
+
+
+def trust(
+    residual: Floats, weights: Floats, scale_sq: float, outlier_scale: float
+) -> tuple[Floats, Floats]:
+    """
+    Geman-McClure weights (n,), and the slope (n,) of residual times weight, at least 0.
+
+    Weights are near 1 for residuals within the scale and near 0 far outside.
+
+    """
+    ratio = residual**2 * weights * np.float32(1.0 / (outlier_scale**2 * scale_sq))
+    weight = 1.0 / (1.0 + ratio) ** 2
+    slope = weight * np.maximum(1.0 - 3.0 * ratio, 0.0) / (1.0 + ratio)
+    return np.asarray(weight), np.asarray(slope)

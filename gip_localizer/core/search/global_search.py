@@ -1,0 +1,177 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Search of the whole map, coarse to fine, for `~/relocalize` and after a loss."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.belief import Belief
+from gip_localizer.core.birdseye.grid import Grid
+from gip_localizer.core.birdseye.rectifier import View
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.match.downsampling import coarsened
+from gip_localizer.core.match.peaks import best_peaks
+from gip_localizer.core.match.posterior import independent_cells, with_unseen
+from gip_localizer.core.match.score_surface import Lattice, match, Scores
+from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.core.refine.fit import SAME_PLACE
+from gip_localizer.core.refine.refiner import Refiner
+from gip_localizer.core.search.hypotheses import RIVAL_SHARE
+from gip_localizer.core.search.local_search import (
+    around_winner,
+    coarse_factor,
+    Found,
+    lattice_scores,
+    search_window,
+)
+from gip_localizer.core.search.map_crops import MapCrops
+from gip_localizer.core.search.window import Extent
+from gip_localizer.parameters import Parameters
+
+HEADINGS_AT_ONCE = 12  # bounds the memory
+MAX_CELLS = 400_000  # coarse map cells; a larger map is searched on larger cells
+CANDIDATES = 12
+LOCAL_COVARIANCE = np.eye(3)  # m^2, rad^2: local searches hardly use the coarse pose as a prior
+
+
+def global_search(
+    view: View, weight: Floats, crops: MapCrops, stamp_ns: int, parameters: Parameters,
+    *, refiner: Refiner, map_noise: float,
+) -> Found | None:
+    """
+    Find the view anywhere on the map, at any heading.
+
+    Only places that look nearly as good on the lattice as the best are searched to the end.
+
+    Returns
+    -------
+    Found or None
+        The best local search, with the winner's mass taken over all of them; None where the map
+        and the view share nothing.
+
+    """
+    places = coarse_places(view, weight, crops.raster_map, parameters)
+    if not places:
+        return None
+    normalized = parameters.score.normalized
+    side = 1.5 * places[0].step
+    extent = Extent(side, side, 1.2 * parameters.recovery.yaw_step, parameters.search.yaw_step,
+                    parameters.score.min_overlap)
+
+    def searched(pose: Pose2) -> Found | None:
+        found = search_window(
+            view, weight, crops, Belief(stamp_ns, pose, LOCAL_COVARIANCE), extent,
+            refiner=refiner, normalized=normalized, map_noise=map_noise,
+        )
+        return found if found is not None and found.fits else None
+
+    likeness = [
+        _likeness(lattice_scores(view, weight, crops, place.pose, extent, normalized=normalized))
+        for place in places
+    ]
+    searches = [
+        searched(place.pose) for place, alike in zip(places, likeness, strict=True)
+        if alike >= RIVAL_SHARE * max(likeness)
+    ]
+    found = _one_each([f for f in searches if f is not None])
+    if not found:
+        return None
+    found[0] = around_winner(found[0], searched) or found[0]
+    found.sort(key=_merit, reverse=True)  # a look around may find less than another place has
+    return _with_rivals(found, independent_cells(weight))
+
+
+def _merit(found: Found) -> float:
+    return found.fits[0].merit
+
+
+def _one_each(searches: list[Found]) -> list[Found]:
+    """Of searches that end at one place, leave the one that looked around it; best first."""
+    kept: list[Found] = []
+    for found in sorted(searches, key=lambda search: search.beyond):
+        if all(found.fits[0].distance(other.fits[0]) > SAME_PLACE for other in kept):
+            kept.append(found)
+    return sorted(kept, key=_merit, reverse=True)
+
+
+def _likeness(scores: Scores) -> float:
+    """Best correlation of a window; 0 where nothing overlaps the map enough."""
+    return float(scores.correlation[np.isfinite(scores.residual)].max(initial=0.0))
+
+
+@dataclass(frozen=True)
+class Place:
+    """A coarse candidate: its residual, its pose, and the step of the lattice it is from."""
+
+    residual: float
+    pose: Pose2
+    step: float
+
+
+def coarse_places(
+    view: View, weight: Floats, raster_map: RasterMap, parameters: Parameters
+) -> list[Place]:
+    """Return the best places of the whole map on large cells, best first."""
+    recovery = parameters.recovery
+    width, height = raster_map.size_m
+    cell = max(recovery.cell, math.sqrt(width * height / MAX_CELLS))
+    joined, joined_weight = coarsened(view, weight, coarse_factor(view.grid.resolution, cell))
+    step = joined.grid.resolution
+    corners = np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
+    crop = raster_map.crop(raster_map.origin.transform(corners), margin=0.0, cell=step)
+    if crop is None:
+        return []
+    centre = raster_map.origin @ Pose2(0.5 * width, 0.5 * height, 0.0)
+    reach = _reach(joined.grid)
+    half = (math.ceil((0.5 * width + reach) / step), math.ceil((0.5 * height + reach) / step))
+    count = max(round(2.0 * math.pi / recovery.yaw_step), 1)
+    headings = (np.arange(count) / count - 0.5) * 2.0 * math.pi
+    places: list[Place] = []
+    for start in range(0, count, HEADINGS_AT_ONCE):
+        lattice = Lattice(centre, step, half, headings[start : start + HEADINGS_AT_ONCE])
+        scores = match(
+            joined, joined_weight, crop, lattice, min_overlap=parameters.score.min_overlap,
+            normalized=parameters.score.normalized, centred=True,
+        )
+        residual = with_unseen(scores)
+        places += [
+            Place(float(residual[index]), lattice.pose(np.array(index, float)), step)
+            for index in best_peaks(-residual, CANDIDATES)
+        ]
+    places.sort(key=lambda place: place.residual)
+    return _apart(places)[:CANDIDATES]
+
+
+def _apart(places: list[Place]) -> list[Place]:
+    """Leave out places beside better ones."""
+    kept: list[Place] = []
+    for place in places:
+        gaps = (difference(place.pose, other.pose) for other in kept)
+        if all(np.hypot(gap[0], gap[1]) > 2.5 * place.step or abs(gap[2]) > 0.1 for gap in gaps):
+            kept.append(place)
+    return kept
+
+
+def _reach(grid: Grid) -> float:
+    """Farthest distance of a view's centre from base, metres: how far off the map base may be."""
+    return float(math.hypot(grid.far - 0.5 * grid.rows * grid.resolution, 0.0))
+
+
+def _with_rivals(found: list[Found], cells: float) -> Found:
+    """Return the best local search beside the other places, its winner's mass less theirs."""
+    best = found[0]
+    winner = best.fits[0]
+    rivals = [f.fits[0] for f in found[1:] if f.fits[0].distance(winner) > SAME_PLACE]
+    evidence = [
+        math.exp(max(-0.5 * cells * math.expm1(2.0 * (winner.merit - f.merit)), -700.0))
+        for f in rivals
+    ]
+    mass = 1.0 / (1.0 + sum(evidence))
+    assert best.surface is not None
+    surface = replace(best.surface, winner_mass=best.surface.winner_mass * mass)
+    return replace(best.beside(rivals), surface=surface)

@@ -1,0 +1,295 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Steps 3 and 4 about one place: score a window of candidates, refine the best modes, keep one.
+
+The lattice is scored on joined cells (`Extent.cell`), whose sums lose nothing but detail; the
+continuous refinement on the full view then gives the pose.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, partial
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.belief import Belief
+from gip_localizer.core.birdseye.rectifier import View
+from gip_localizer.core.birdseye.suspension import pitched
+from gip_localizer.core.camera.model import CameraModel
+from gip_localizer.core.match.downsampling import coarsened
+from gip_localizer.core.match.posterior import (
+    independent_cells,
+    modes,
+    posterior_surface,
+    Surface,
+)
+from gip_localizer.core.match.score_surface import make_lattice, match, Scores
+from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.core.refine.fit import Fit
+from gip_localizer.core.refine.refiner import Refiner
+from gip_localizer.core.search.hypotheses import rivals, Start
+from gip_localizer.core.search.map_crops import MapCrops
+from gip_localizer.core.search.window import Extent
+from gip_localizer.core.threads import check_end
+
+PEAKS = 8  # of each score surface that are looked at
+PLAIN_WINNER = 1.0  # merit of a fit beside which no other mode needs a look, ...
+PLAIN_DISPERSION = 2.2  # ... unless the parts of the view contradict each other more than this
+ASIDE = (-0.2, 0.2)  # m along the weakest direction: starts beside a fit that ...
+VALLEY = 3.0  # ... lies in a valley (anisotropy), or is good but contradicts itself
+CALM = (0.002, 0.5)  # rad, merit: a fit that has turned less and is better, cars or not, is level
+HOPELESS = -40.0  # log posterior below the winner's at which a mode is not refined
+MOST_BEYOND = 0.05  # m outside the searched window, where nothing was compared with the match
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """
+    What a search found.
+
+    Attributes
+    ----------
+    scores : Scores
+        The surface on the lattice.
+    surface : Surface or None
+        Its posterior; None where no candidate overlaps the map enough.
+    fits : list of Fit
+        Refined modes, best first.
+
+    """
+
+    scores: Scores
+    surface: Surface | None
+    fits: list[Fit]
+
+    def beside(self, fits: list[Fit]) -> Found:
+        """Return it with what was found by another look, its rivals too."""
+        return replace(self, fits=sorted([*self.fits, *fits], key=lambda fit: -fit.merit))
+
+    @property
+    def beyond(self) -> float:
+        """How far the best fit lies outside the window, metres; negative inside."""
+        lattice = self.scores.lattice
+        off = difference(lattice.anchor.inverse() @ self.fits[0].pose, Pose2(0.0, 0.0, 0.0))
+        return float(max(abs(off[0]) - lattice.half[0] * lattice.step,
+                         abs(off[1]) - lattice.half[1] * lattice.step))
+
+    @property
+    def lies_beyond(self) -> bool:
+        """Whether the best fit lies where nothing was compared with it."""
+        return bool(self.fits) and self.beyond > MOST_BEYOND
+
+
+def around_winner(
+    found: Found | None, search: Callable[[Pose2], Found | None]
+) -> Found | None:
+    """
+    Return a search, or one more with all that is around its best fit if that lies beyond.
+
+    What the first one found is kept beside: on repeated ground the equal places lie in it.
+
+    """
+    if found is None or not found.lies_beyond:
+        return found
+    again = search(found.fits[0].pose)
+    return again.beside(found.fits) if again is not None and again.fits else again
+
+
+def coarse_factor(resolution: float, cell: float) -> int:
+    """Return how many cells are joined per side for a lattice of about `cell` metres."""
+    return max(int(cell / resolution + 1e-6), 1)
+
+
+def search_window(
+    view: View, weight: Floats, crops: MapCrops, prior: Belief, extent: Extent, *,
+    refiner: Refiner, normalized: bool, map_noise: float,
+) -> Found | None:
+    """
+    Find the best poses in a window about a prior.
+
+    Parameters
+    ----------
+    view, weight : View, (rows, cols) float32
+        Bird's-eye view and the Gramian's diagonal.
+    crops : MapCrops
+        Of the map.
+    prior : Belief
+        Centre of the window, and a prior on the candidates.
+    extent : Extent
+        Size of the window.
+    refiner : Refiner
+        For the view's calibration.
+    normalized : bool
+        Whether gain and offset are profiled out.
+    map_noise : float
+        Standard deviation of the map in the view's grey levels, as in the Gramian.
+
+    Returns
+    -------
+    Found or None
+        None where the window lies off the map.
+
+    """
+    check_end()
+    fine = crops.about(view.grid, prior.pose, extent, view.grid.resolution)
+    if fine is None:
+        return None
+    lay = partial(refiner.layers, view, weight, fine, map_noise)
+    finer = lay(stages=slice(1, None))
+    layers = cache(lambda: lay(stages=slice(1)) + finer)
+
+    def refined(start: Pose2, *, pitch: float = 0.0, uneven: bool = False) -> Fit:
+        return refiner.refine(layers(), start, pitch=pitch, uneven=uneven)
+
+    scored = partial(_scored, view, weight, crops, prior, extent, refiner.camera, normalized)
+    quickly = partial(refiner.refine, finer) if extent.near and len(finer) > 1 else None
+    unevenly = partial(refined, uneven=True) if normalized else None
+    window = _Window(scored, refined, quickly, unevenly)
+    level, *swayed = refiner.pitches
+    window.score(level)
+    if not window.is_level():
+        for pitch in swayed:
+            window.score(pitch)
+    window.refine(extent.modes)
+    return window.found()
+
+
+class _Window:
+    """
+    A window while it is searched.
+
+    Parameters
+    ----------
+    scored : callable
+        Scores and posterior of the window as if the camera were pitched by so much.
+    refined : callable
+        Fit from a pose, and a pitch.
+    quickly : callable or None
+        The same from near by; what it finds counts if it is plain.
+    unevenly : callable or None
+        Fit from a pose, and a pitch, under a light that varies over the road: tried where even
+        light leaves a contradiction, and kept to if that tells more.
+
+    """
+
+    def __init__(
+        self, scored: Callable[[float], tuple[Scores, Surface | None]],
+        refined: Callable[..., Fit], quickly: Callable[..., Fit] | None,
+        unevenly: Callable[..., Fit] | None,
+    ) -> None:
+        self._scored, self._refined, self._quickly = scored, refined, quickly
+        self._unevenly, self._uneven = unevenly, False
+        self._scores: list[Scores] = []
+        self._starts: list[Start] = []
+        self._fits: dict[Start | Pose2, Fit] = {}
+
+    def score(self, pitch: float) -> None:
+        """Score the lattice for a pitch and keep its modes."""
+        scores, surface = self._scored(pitch)
+        self._scores.append(scores)
+        if surface is not None:
+            places = modes(surface, PEAKS)
+            self._starts += [Start(scores, surface, place, pitch) for place in places]
+            self._starts.sort(key=lambda start: start.residual)
+
+    def refine(self, most: int) -> None:
+        """Refine the best modes until one is plainly the winner."""
+        worthy = [start for start in self._starts if start.log_posterior > HOPELESS]
+        any(_is_plain(self._fit(start)) for start in worthy[:most])
+
+    def is_level(self) -> bool:
+        """Tell whether the best mode is good and does not look as if the camera were pitched."""
+        if not self._starts:
+            return False
+        start = self._starts[0]
+        if self._quickly is not None:
+            quick = self._quickly(start.pose, pitch=start.pitch)
+            fit = self._in_better_light(quick, start)
+            if _is_plain(fit) or fit is not quick:
+                self._fits[start] = fit
+        fit = self._fit(start)
+        calm = bool(abs(fit.camera_motion[0]) < CALM[0])
+        return _is_plain(fit) or (calm and fit.merit > CALM[1])
+
+    def found(self) -> Found:
+        """Look beside a winner that may be the wrong one of several, and at its rivals."""
+        if not self._fits:
+            return Found(self._scores[0], None, [])
+        best = self._best()
+        if self._may_be_one_of_several(best):
+            for distance in ASIDE:
+                beside = best.pose @ best.along_weakest(distance)
+                self._fits[beside] = self._refined(beside)
+            best = self._best()
+        for start in rivals(self._starts, best.pose):
+            self._fit(start)
+        fits = sorted(self._fits.values(), key=lambda fit: -fit.merit)
+        return Found(self._starts[0].scores, self._starts[0].surface, fits)
+
+    def _may_be_one_of_several(self, best: Fit) -> bool:
+        """Tell a fit in a valley, where no fix before says which hollow, or that contradicts."""
+        if best.merit <= PLAIN_WINNER:
+            return False
+        if self._quickly is None and best.anisotropy > VALLEY:
+            return True
+        light_explains = self._uneven and self._quickly is not None
+        return not (_is_plain(best) or light_explains)
+
+    def _fit(self, start: Start) -> Fit:
+        if start not in self._fits:
+            fit = self._refined(start.pose, pitch=start.pitch)
+            self._fits[start] = self._in_better_light(fit, start)
+        return self._fits[start]
+
+    def _in_better_light(self, fit: Fit, start: Start) -> Fit:
+        """Look again under uneven light at the best start; the others follow it."""
+        if self._unevenly is None or start is not self._starts[0] or _is_plain(fit):
+            return fit
+        other = self._unevenly(start.pose, pitch=start.pitch)
+        self._uneven = other.merit > fit.merit
+        if self._uneven:
+            self._refined = self._unevenly
+        self._unevenly = None
+        return other if self._uneven else fit
+
+    def _best(self) -> Fit:
+        return max(self._fits.values(), key=lambda fit: fit.merit)
+
+
+def _is_plain(fit: Fit) -> bool:
+    return fit.merit > PLAIN_WINNER and fit.overdispersion < PLAIN_DISPERSION
+
+
+def _scored(
+    view: View, weight: Floats, crops: MapCrops, prior: Belief, extent: Extent,
+    camera: CameraModel, normalized: bool, pitch: float,
+) -> tuple[Scores, Surface | None]:
+    """Score the window as if the camera were pitched; no surface where nothing overlaps."""
+    moved, moved_weight = pitched(camera, view, weight, pitch)
+    scores = lattice_scores(
+        moved, moved_weight, crops, prior.pose, extent, normalized=normalized
+    )
+    if not np.isfinite(scores.residual).any():
+        return scores, None
+    return scores, posterior_surface(scores, independent_cells(weight), prior)
+
+
+def lattice_scores(
+    view: View, weight: Floats, crops: MapCrops, anchor: Pose2, extent: Extent, *,
+    normalized: bool,
+) -> Scores:
+    """Score the window on cells joined up to `extent.cell`."""
+    factor = coarse_factor(view.grid.resolution, extent.cell)
+    joined, joined_weight = coarsened(view, weight, factor)
+    step = joined.grid.resolution
+    crop = crops.about(view.grid, anchor, extent, step)
+    lattice = make_lattice(anchor, x=extent.x, y=extent.y, yaw=extent.yaw,
+                           yaw_step=extent.yaw_step, step=step)
+    part = crop.part if crop else crops.raster_map
+    return match(joined, joined_weight, part, lattice, normalized=normalized,
+                 min_overlap=extent.min_overlap, centred=normalized)

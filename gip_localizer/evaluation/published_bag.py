@@ -1,0 +1,87 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The MCAP of a run: poses as the node publishes them, logged at image stamps.
+
+Diagnostics are one status with the outcome and figures of each frame; what the node tells besides
+(rates, delays, topics) belongs to a running system.
+
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from gip_localizer.evaluation.metrics import status_word
+from gip_localizer.evaluation.run import FrameResult, Run
+from gip_localizer.io.bags.writer import BagWriter, make, make_header, make_pose
+from gip_localizer.io.messages import full_covariance
+
+POSE, POSE_WITH_COVARIANCE, DIAGNOSTICS = '/pose', '/pose_with_covariance', '/diagnostics'
+TOPICS = {
+    POSE: 'geometry_msgs/msg/PoseStamped',
+    POSE_WITH_COVARIANCE: 'geometry_msgs/msg/PoseWithCovarianceStamped',
+    DIAGNOSTICS: 'diagnostic_msgs/msg/DiagnosticArray',
+}
+OK, ERROR = 0, 2  # of diagnostic_msgs/DiagnosticStatus
+
+
+def write_published(path: Path, run: Run) -> None:
+    """
+    Write one MCAP file.
+
+    Timings stay out of it, so that the same run gives the same bytes.
+
+    Parameters
+    ----------
+    path : Path
+        File to make, e.g. `published.mcap`.
+    run : Run
+        Its estimates are written in order.
+
+    """
+    folder = path.with_suffix('')
+    with BagWriter(folder, TOPICS) as bag:
+        for estimate in run.estimates:
+            _write_frame(bag, estimate, run.parameters.frames.map)
+    (folder / path.name).replace(path)
+    (folder / 'metadata.yaml').unlink()
+    folder.rmdir()
+
+
+def _write_frame(bag: BagWriter, estimate: FrameResult, frame_id: str) -> None:
+    stamp = estimate.stamp_ns
+    log_ns = max(stamp, 0)  # a bag knows no time before 1970, a broken clock does
+    bag.write(DIAGNOSTICS, log_ns, _diagnostics(estimate))
+    if estimate.pose is None:
+        return
+    header, pose = make_header(stamp, frame_id), make_pose(estimate.pose)
+    bag.write(POSE, log_ns, make('geometry_msgs/msg/PoseStamped', header=header, pose=pose))
+    if estimate.covariance is None:
+        return
+    with_covariance = make(
+        'geometry_msgs/msg/PoseWithCovariance', pose=pose,
+        covariance=full_covariance(estimate.covariance),
+    )
+    bag.write(POSE_WITH_COVARIANCE, log_ns, make(
+        'geometry_msgs/msg/PoseWithCovarianceStamped', header=header, pose=with_covariance,
+    ))
+
+
+def _diagnostics(estimate: FrameResult) -> Any:
+    word = status_word(estimate)
+    values = [
+        make('diagnostic_msgs/msg/KeyValue', key=key, value=f'{value:.9g}')
+        for key, value in estimate.quality.items()
+    ]
+    status = make(
+        'diagnostic_msgs/msg/DiagnosticStatus',
+        level=OK if estimate.pose is not None else ERROR,
+        name='localizer: localization', hardware_id='localizer',
+        message=f'{word}: {estimate.reason}'.rstrip(': '), values=values,
+    )
+    return make(
+        'diagnostic_msgs/msg/DiagnosticArray',
+        header=make_header(estimate.stamp_ns, ''), status=[status],
+    )

@@ -1,0 +1,198 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Single-frame trials: render a frame somewhere, start somewhere near, localize, compare."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from dataclasses import field as dataclass_field
+from functools import partial
+import sys
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats, Grey
+from gip_localizer.core.camera.model import CameraModel
+from gip_localizer.core.estimate import Estimate, Status
+from gip_localizer.core.guard import survived
+from gip_localizer.core.localizer import Localizer
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.evaluation.suites.conditions import Setup
+from gip_localizer.evaluation.suites.grounds import GROUNDS, noisy_map
+from gip_localizer.parameters import Parameters
+from gip_localizer.parameters.spec import Value
+from gip_localizer.synthetic.drive import SyntheticDrive, SyntheticFrame
+from gip_localizer.synthetic.motions import make_motion
+from gip_localizer.synthetic.scenarios import scenario_parameters
+
+FRAME_NS = 1_000_000_000
+WRONG_XY = 0.5  # m
+WRONG_YAW = np.radians(2.0)
+PLACES = 100_000  # frames of an endless drive that trials are drawn from
+ORIGIN = Pose2(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Half-widths of the starts' offsets from the truth (m, m, rad)."""
+
+    x: float = 0.5
+    y: float = 0.5
+    yaw: float = float(np.radians(3.0))
+
+    def offset(self, rng: np.random.Generator) -> Pose2:
+        """Draw an offset, evenly."""
+        return Pose2(*(rng.uniform(-1, 1, 3) * [self.x, self.y, self.yaw]).tolist())
+
+    @property
+    def covariance(self) -> Floats:
+        """Of the offsets, (3, 3)."""
+        return np.diag(np.array([self.x, self.y, self.yaw]) ** 2 / 3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """
+    One frame's outcome.
+
+    Attributes
+    ----------
+    status : str
+        Status of the estimate.
+    error : (3,) float64 or None
+        Ahead, left (m) and yaw (rad) of the published pose, in the truth's axes.
+    raw_error : (3,) float64 or None
+        The same of the best match, published or not.
+    covariance : (3, 3) float64 or None
+        Of the error, in the same axes.
+    fisher : (3, 3) float64 or None
+        Cramér-Rao bound of the error, as the localizer estimates it.
+    quality : dict
+        The figures of the estimate.
+    milliseconds : float
+        Time of the update.
+
+    """
+
+    status: str
+    error: Floats | None = None
+    raw_error: Floats | None = None
+    covariance: Floats | None = None
+    fisher: Floats | None = None
+    quality: dict[str, float] = dataclass_field(default_factory=dict)
+    milliseconds: float = 0.0
+
+    @property
+    def wrong(self) -> bool:
+        """Whether a pose was published that is off by more than 0.5 m or 2 degrees."""
+        return self.error is not None and is_wrong(self.error)
+
+    @property
+    def faulty(self) -> bool:
+        """Whether the localizer raised an error that nobody foresaw."""
+        return self.status == str(Status.FAULT)
+
+    @property
+    def nees(self) -> float:
+        """Squared error of the published pose over its covariance; NaN without one."""
+        if self.error is None or self.covariance is None:
+            return float('nan')
+        return float(self.error @ np.linalg.solve(self.covariance, self.error))
+
+
+def is_wrong(error: Floats) -> bool:
+    """Whether an error (ahead, left, yaw) is beyond 0.5 m or 2 degrees."""
+    return bool(np.hypot(error[0], error[1]) > WRONG_XY or abs(error[2]) > WRONG_YAW)
+
+
+def localizer_parameters(
+    setup: Setup, drive: SyntheticDrive, overrides: Mapping[str, Value]
+) -> Parameters:
+    """Return the parameters of the localizer for a setup's camera."""
+    held = drive.parameters.camera
+    camera = {
+        'camera.x': held.x, 'camera.y': held.y, 'camera.z': held.z, 'camera.roll': held.roll,
+        'camera.pitch': held.pitch, 'camera.yaw': held.yaw, 'camera.rectified': held.rectified,
+    }
+    return Parameters.from_dict({**camera, 'motion.fuse': False, **setup.localizer, **overrides})
+
+
+class Bench:
+    """
+    World, camera, map and localizer of a setup.
+
+    Parameters
+    ----------
+    setup : Setup
+        What is rendered and how it is localized.
+    seed : int
+        Of the world, the noise and the trials.
+    overrides : dict
+        Parameters of the localizer on top of the setup's.
+
+    """
+
+    def __init__(self, setup: Setup, seed: int, overrides: Mapping[str, Value]) -> None:
+        self.setup = setup
+        self.seed = seed
+        self.drive = SyntheticDrive(
+            scenario_parameters(setup.scenario, {'seed': seed, 'world.seed': seed, **setup.camera})
+        )
+        if setup.ground != 'as made':
+            self.drive.world = GROUNDS[setup.ground](self.drive.world)
+            self.drive.motion = make_motion(self.drive.parameters.drive, self.drive.world.lane)
+        self.raster_map: RasterMap = self.drive.raster_map
+        if setup.map_noise > 0.0:
+            self.raster_map = noisy_map(self.raster_map, setup.map_noise, seed)
+        self.parameters = localizer_parameters(setup, self.drive, overrides)
+        self._localizer: Localizer | None = None
+        self._stamp_ns = 0
+
+    def rng(self, index: int) -> np.random.Generator:
+        """Return the random numbers of a trial."""
+        return np.random.default_rng([self.seed, 90210, index])
+
+    def frame(self, rng: np.random.Generator) -> SyntheticFrame:
+        """Render a frame somewhere along the lane."""
+        places = min(PLACES, int(self.drive.motion.duration * self.drive.parameters.rate)
+                     if np.isfinite(self.drive.motion.duration) else PLACES)
+        return self.drive.frame(int(rng.integers(0, places)))
+
+    def localize(self, image: Grey, prior: Pose2, covariance: Floats) -> Estimate:
+        """Localize one frame from a fresh prior; nothing stays from the frames before."""
+        if self._localizer is None:
+            self._localizer = Localizer(self.raster_map, self.parameters)
+        self._stamp_ns += FRAME_NS
+        self._localizer.set_prior(self._stamp_ns, prior, covariance)
+        return localized(self._localizer, self._stamp_ns, image, self.drive.camera)
+
+    def trial(self, index: int, spread: Spread) -> Trial:
+        """Render, start near the truth, localize and compare."""
+        rng = self.rng(index)
+        frame = self.frame(rng)
+        start = frame.truth @ spread.offset(rng)
+        return compared(self.localize(frame.image, start, spread.covariance), frame.truth)
+
+
+def localized(
+    localizer: Localizer, stamp_ns: int, image: Grey, camera: CameraModel
+) -> Estimate:
+    """Localize a frame; an error that nobody foresaw is told, and costs this frame alone."""
+    work = partial(localizer.update, stamp_ns, image, camera)
+    return survived(work, stamp_ns, partial(print, file=sys.stderr))
+
+
+def compared(estimate: Estimate, truth: Pose2) -> Trial:
+    """Return what came of an estimate."""
+    fit = estimate.match.fit if estimate.match else None
+    error = raw = covariance = None
+    if fit is not None:
+        raw = difference(truth.inverse() @ fit.pose, ORIGIN)
+        if estimate.published:
+            error, covariance = raw, fit.covariance
+    return Trial(
+        str(estimate.status), error, raw, covariance, fit.fisher if fit else None,
+        estimate.quality, sum(estimate.timings_ms.values()),
+    )

@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of the frames that went worst, kept while a run goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import heapq
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gip_localizer.core.estimate import Estimate
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.evaluation.run import FrameExhibit
+from gip_localizer.io.trajectory import Trajectory
+
+Picture = NDArray[np.uint8]
+
+
+def frame_exhibit(title: str, image: NDArray[Any] | None, estimate: Estimate,
+                  raster_map: RasterMap) -> FrameExhibit:
+    """
+    Return the pictures of one frame, as far as its match got.
+
+    Parameters
+    ----------
+    title : str
+        One line.
+    image : (height, width) array or None
+        Grey camera image.
+    estimate : Estimate
+        With its `match`.
+    raster_map : RasterMap
+        From which the matched window is cut.
+
+    """
+    pictures: dict[str, NDArray[Any]] = {}
+    if image is not None:
+        pictures['camera image'] = _stretched(np.asarray(image, np.float32))
+    match = estimate.match
+    if match is None:
+        return FrameExhibit(title, estimate.stamp_ns, pictures)
+    view = match.view
+    pictures['bird\'s-eye view'] = _stretched(np.where(view.valid, view.patch, np.nan))
+    pose = _matched_pose(estimate)
+    if pose is not None:
+        values, known = raster_map.sample(pose.transform(view.grid.points()))
+        window = np.where(known, values, np.nan).reshape(view.grid.shape)
+        pictures['matched map window'] = _stretched(np.where(view.valid, window, np.nan))
+    if match.scores is not None:
+        best = match.scores.best()[0]
+        pictures['score surface (ahead is up)'] = np.asarray(
+            match.scores.correlation[best], np.float64
+        )
+    return FrameExhibit(title, estimate.stamp_ns, pictures)
+
+
+def _matched_pose(estimate: Estimate) -> Pose2 | None:
+    match = estimate.match
+    if match is not None and match.fit is not None:
+        return match.fit.pose
+    if match is not None and match.scores is not None:
+        return match.scores.lattice.pose(np.array(match.scores.best(), np.float64))
+    return estimate.pose
+
+
+def _stretched(values: NDArray[Any]) -> Picture:
+    """Stretch grey from the 1st to the 99th percentile; what is not finite becomes light."""
+    finite = np.isfinite(values)
+    if not finite.any():
+        return np.full(values.shape, 235, np.uint8)
+    low, high = np.percentile(values[finite], (1.0, 99.0))
+    share = (np.where(finite, values, low) - low) / max(high - low, 1e-9)
+    grey = np.clip(share * 255.0, 0.0, 255.0)
+    return np.where(finite, grey, 235.0).astype(np.uint8)
+
+
+class WorstFrames:
+    """
+    Keeps pictures of the worst frames seen so far.
+
+    A published frame is as bad as its error, or without truth as its reported σ; a withheld
+    one ranks behind all published ones.
+
+    Parameters
+    ----------
+    truth : Trajectory or None
+        Known from the start.
+    raster_map : RasterMap
+        For the matched windows.
+    count : int
+        How many are kept.
+
+    """
+
+    def __init__(self, truth: Trajectory | None, raster_map: RasterMap, count: int = 5) -> None:
+        self._truth = truth
+        self._map = raster_map
+        self._count = count
+        self._heap: list[tuple[float, int, FrameExhibit]] = []
+        self._seen = 0
+        self._start_ns: int | None = None
+
+    def add(self, image: Callable[[], NDArray[Any] | None], estimate: Estimate) -> None:
+        """Consider a frame; its image is asked for only when it is kept."""
+        self._seen += 1
+        if self._start_ns is None:
+            self._start_ns = estimate.stamp_ns
+        badness, words = self._judge(estimate)
+        if len(self._heap) == self._count and badness <= self._heap[0][0]:
+            return
+        seconds = (estimate.stamp_ns - self._start_ns) * 1e-9
+        title = f'Frame {self._seen}, {seconds:.2f} s: {words}'
+        entry = (badness, self._seen, frame_exhibit(title, image(), estimate, self._map))
+        if len(self._heap) < self._count:
+            heapq.heappush(self._heap, entry)
+        else:
+            heapq.heapreplace(self._heap, entry)
+
+    def exhibits(self) -> list[FrameExhibit]:
+        """Return what is kept, worst first."""
+        return [exhibit for _, _, exhibit in sorted(self._heap, key=lambda e: (-e[0], e[1]))]
+
+    def _judge(self, estimate: Estimate) -> tuple[float, str]:
+        if estimate.pose is None:
+            return -1.0, f'{estimate.status}, {estimate.reason}'.rstrip(', ')
+        if self._truth is not None:
+            true = self._truth.at(np.array([estimate.stamp_ns]))[0]
+            if np.isfinite(true).all():
+                error = difference(estimate.pose, Pose2(*(float(v) for v in true)))
+                off = math.hypot(error[0], error[1])
+                return off, f'off by {1e3 * off:.1f} mm, {math.degrees(error[2]):+.3f} deg'
+        if estimate.covariance is None:
+            return 0.0, 'covariance unknown'
+        sigma = math.sqrt(max(float(np.trace(estimate.covariance[:2, :2])), 0.0))
+        return sigma * 1e-3, f'reported sigma {1e3 * sigma:.1f} mm'

@@ -1,0 +1,176 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a camera's pose in the vehicle makes lane lines of a bag come out parallel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from io import BytesIO
+from itertools import islice
+import math
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+import numpy as np
+
+from gip_localizer.core.arrays import Floats, Grey
+from gip_localizer.core.birdseye.rectifier import Rectifier, View
+from gip_localizer.core.camera.model import CameraModel
+from gip_localizer.errors import BagError, CalibrationError, ImageError
+from gip_localizer.io.bags.bag import Bag
+from gip_localizer.io.bags.camera import recorded_camera
+from gip_localizer.io.bags.topics import IMAGES, Topics
+from gip_localizer.io.images import compressed_grey_image, grey_image
+from gip_localizer.mapping.lane_lines import lane_lines, LaneLine, pitch_excess
+from gip_localizer.parameters import Parameters
+from gip_localizer.visualization.style import ESTIMATE, STYLE, WRONG
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedFrame:
+    """One frame: its image, view, lines, and the pitch they ask for."""
+
+    image: Grey
+    view: View
+    lines: list[LaneLine]
+    excess: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationCheck:
+    """
+    The frames of a bag.
+
+    Attributes
+    ----------
+    camera : CameraModel
+        With the pose that is checked.
+    frames : int
+        Frames looked at.
+    refused : list of str
+        Why others could not be.
+    excesses : (n,) float64
+        Pitch too much, rad, of each frame with two straight lines.
+    example : CheckedFrame
+        The frame with most lines.
+
+    """
+
+    camera: CameraModel
+    frames: int
+    refused: list[str]
+    excesses: Floats
+    example: CheckedFrame
+
+    @property
+    def excess(self) -> float:
+        """Median over the frames, rad; NaN without any."""
+        return float(np.median(self.excesses)) if len(self.excesses) else math.nan
+
+    @property
+    def error(self) -> float:
+        """Standard error of the median, from the spread between frames, rad."""
+        if len(self.excesses) < 2:
+            return math.nan
+        spread = 1.4826 * np.median(np.abs(self.excesses - self.excess))
+        return float(1.2533 * spread / math.sqrt(len(self.excesses)))
+
+
+def check_calibration(
+    bag: Bag, topics: Topics, parameters: Parameters, most: int
+) -> CalibrationCheck:
+    """
+    Look for lane lines in frames of a bag.
+
+    Parameters
+    ----------
+    bag, topics : Bag, Topics
+        Image and camera_info are read.
+    parameters : Parameters
+        `camera.*` and `birdseye.*`.
+    most : int
+        Largest number of frames, spread over the bag.
+
+    Raises
+    ------
+    GipError
+        Nothing can be read, or the view sees no road.
+
+    """
+    recorded, at = recorded_camera(bag, topics, parameters), parameters.camera
+    camera = recorded
+    rectifier = Rectifier(camera, parameters.birdseye)
+    decode = compressed_grey_image if topics.image.msgtype == IMAGES[1] else grey_image
+    step = max(topics.image.messages // most, 1)
+    frames: list[CheckedFrame] = []
+    refused: list[str] = []
+    for message in islice(bag.messages([topics.image.name]), 0, step * most, step):
+        decoded = bag.decode(message)
+        if decoded is None:
+            continue
+        try:
+            image = decode(decoded)
+            if image.shape != (camera.height, camera.width):
+                camera = recorded.for_image(image)
+                rectifier = Rectifier(camera, parameters.birdseye)
+        except (ImageError, CalibrationError) as error:
+            refused.append(str(error))
+            continue
+        view = rectifier.rectify(image)
+        lines = lane_lines(view, at.x)
+        frames.append(CheckedFrame(image, view, lines, pitch_excess(lines, at.z)))
+    if not frames:
+        why = f': {refused[0]}' if refused else ''
+        raise BagError(f'no image of {topics.image.name} can be used{why}')
+    excesses = np.array([f.excess for f in frames if f.excess is not None], float)
+    return CalibrationCheck(camera, len(frames), refused, excesses, max(frames, key=_worth))
+
+
+def _worth(frame: CheckedFrame) -> tuple[bool, int]:
+    return frame.excess is not None, len(frame.lines)
+
+
+def check_picture(check: CalibrationCheck, kind: str) -> bytes:
+    """Draw the grid of the road over the frame, and the lines in the view; `kind`: png or svg."""
+    with rc_context({**STYLE, 'axes.grid': False}):
+        figure = Figure(figsize=(10.4, 4.4))
+        panels = figure.subplots(1, 2, width_ratios=(1.8, 1.0))
+        _draw_grid(panels[0], check)
+        _draw_lines(panels[1], check)
+        picture = BytesIO()
+        figure.savefig(picture, format=kind, dpi=110)
+    return picture.getvalue()
+
+
+def _draw_grid(axes: Axes, check: CalibrationCheck) -> None:
+    grid = check.example.view.grid
+    near = grid.far - grid.rows * grid.resolution
+    axes.imshow(check.example.image, cmap='gray')
+    ahead, across = np.linspace(near, grid.far, 100), np.linspace(-grid.left, grid.left, 100)
+    for y in np.arange(-math.floor(grid.left), grid.left + 0.01, 1.0):
+        _draw_road_line(axes, check.camera, np.column_stack([ahead, np.full(100, y)]))
+    for x in np.arange(math.ceil(near), grid.far + 0.01, 1.0):
+        _draw_road_line(axes, check.camera, np.column_stack([np.full(100, x), across]))
+    height, width = check.example.image.shape
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xticks=[], yticks=[])
+    axes.set_title('the road as the calibration sees it: squares of 1 m')
+
+
+def _draw_road_line(axes: Axes, camera: CameraModel, points: Floats) -> None:
+    pixels, valid = camera.project(np.column_stack([points, np.zeros(len(points))]))
+    pixels[~valid] = np.nan
+    axes.plot(pixels[:, 0], pixels[:, 1], color=ESTIMATE, lw=0.8)
+
+
+def _draw_lines(axes: Axes, check: CalibrationCheck) -> None:
+    view, grid = check.example.view, check.example.view.grid
+    extent = (grid.left, -grid.left, grid.far - grid.rows * grid.resolution, grid.far)
+    axes.imshow(np.where(view.valid, view.patch, np.nan), cmap='gray', extent=extent)
+    camera_x = check.camera.extrinsics.x
+    for line in check.example.lines:
+        x = np.array([line.start, line.end])
+        axes.plot(line.offset + line.slope * x, x + camera_x, color=WRONG, lw=1.5)
+    axes.set(xlabel='left [m]', ylabel='ahead of base_link [m]', xlim=extent[:2],
+             ylim=extent[2:])
+    axes.set_title(f'{len(check.example.lines)} straight lines')

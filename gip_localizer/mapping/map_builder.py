@@ -1,0 +1,163 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+A map from views whose poses are known: maximal ratio combining, the paper's weights once more.
+
+The best estimate of a cell that was seen many times is `Σ G v / Σ G`; near views have large
+footprints, so they count most. How far the frames disagree about a cell tells its noise.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.birdseye.rectifier import View
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.pose import Pose2
+from gip_localizer.errors import MapError
+from gip_localizer.mapping.cell_noise import cell_noise, G, GV, KINDS, spill
+from gip_localizer.mapping.exposure import Exposure, fit_exposure
+from gip_localizer.mapping.splatting import draw, Drawn
+from gip_localizer.mapping.tiles import Box, TiledSums
+
+LEAST_WEIGHT = 400.0  # of a cell: one whose grey is not known to 0.05 is left out
+JOINED = (6, 3, 1)  # cells a side of the blocks on which exposures are compared, at best
+FULL = 65535.0
+
+
+class MapBuilder:
+    """
+    Adds views up to a map whose grid lies along the axes of the poses' frame.
+
+    Parameters
+    ----------
+    resolution : float
+        Side of a map cell, metres.
+
+    """
+
+    def __init__(self, resolution: float) -> None:
+        self.resolution = resolution
+        self.frames = 0
+        self.unjoined = 0
+        self.exposures: list[Exposure] = []
+        self._sums = TiledSums(KINDS)
+
+    def add(self, view: View, weight: Floats, T_map_base: Pose2) -> bool:
+        """
+        Add a frame.
+
+        The first frame's exposure is the map's; every other is fitted to what the map holds. A
+        frame that overlaps nothing takes the last one's.
+
+        Parameters
+        ----------
+        view : View
+            On cells of at most the map's size.
+        weight : (rows, cols) float32
+            Its Gramian, 1/grey²; 0: not looked at.
+        T_map_base : Pose2
+            Pose of the vehicle.
+
+        Returns
+        -------
+        bool
+            False where no cell of the map is covered, and nothing is added.
+
+        Raises
+        ------
+        MapError
+            The map grows beyond what memory allows.
+
+        """
+        layers = (view.patch, spill(view, self.resolution))
+        drawn = draw(layers, weight, view.grid, T_map_base, self.resolution)
+        if not drawn.weight.any():
+            return False
+        exposure = self._exposure(drawn)
+        value = (drawn.layers[0] - exposure.offset) / exposure.gain
+        each = drawn.weight * exposure.gain**2
+        self._sums.add(drawn.box, np.stack([each, each * value, each * value**2, each**2,
+                                           each * drawn.layers[1]]))
+        self.exposures.append(exposure)
+        self.frames += 1
+        return True
+
+    def _exposure(self, drawn: Drawn) -> Exposure:
+        if self.frames == 0:
+            return Exposure()
+        held = self._sums.window(drawn.box)
+        for side in JOINED:
+            found = fit_exposure(*joined(drawn, held, side))
+            if found is not None:
+                return found
+        self.unjoined += 1
+        return self.exposures[-1]
+
+    def map(self) -> RasterMap:
+        """
+        Return the map: 16 bit grey, cells without enough weight not valid, noise of each cell.
+
+        Raises
+        ------
+        MapError
+            No cell has enough weight.
+
+        """
+        sums = self._sums.window(self._sums.bounds())
+        valid = sums[G] >= LEAST_WEIGHT
+        if not valid.any():
+            raise MapError(
+                'no cell of the map was seen well enough; check camera.* and birdseye.* with '
+                'gip check-calibration'
+            )
+        rows, cols = (np.flatnonzero(valid.any(axis=axis)) for axis in (1, 0))
+        part = (slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1))
+        sums, valid = sums[(slice(None), *part)], valid[part]
+        box = self._sums.bounds()
+        corner = Box(box.row + int(rows[0]), box.col + int(cols[0]), *valid.shape)
+        grey = np.where(valid, sums[GV] / np.maximum(sums[G], 1e-30), 0.0)
+        noise = np.where(valid, cell_noise(sums, valid), 1.0)
+        return RasterMap(
+            _deep(grey[::-1], np.round), self.resolution,
+            Pose2(corner.col * self.resolution, corner.row * self.resolution, 0.0),
+            np.ascontiguousarray(valid[::-1]), _deep(noise[::-1], np.ceil),
+        )
+
+
+def joined(
+    drawn: Drawn, held: Floats, side: int
+) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
+    """
+    Return frame and map on blocks of cells that both know, (n,) each, and their variances.
+
+    Far views are blurred, so that cell by cell each frame would show more contrast than the map
+    that others saw from afar; on blocks both show the same.
+
+    """
+    rows, cols = (length // side * side for length in drawn.box[2:])
+    weight, value = drawn.weight[:rows, :cols], drawn.layers[0, :rows, :cols]
+    total, sums = held[G, :rows, :cols], held[GV, :rows, :cols]
+    both = (weight > 0.0) & (total > 0.0)
+    safe, safe_total = np.where(both, weight, 1.0), np.where(both, total, 1.0)
+    share = np.where(both, 1.0 / (1.0 / safe + 1.0 / safe_total), 0.0)
+
+    def block(cells: Floats) -> Floats:
+        return np.asarray(cells.reshape(rows // side, side, cols // side, side).sum(axis=(1, 3)))
+
+    whole = block(both.astype(float)) >= side**2
+    shares = block(share)[whole]
+    frame, reference = (
+        block(share * cells)[whole] / shares for cells in (value, sums / safe_total)
+    )
+    noise_sq = [block(share**2 / cells)[whole] / shares**2 for cells in (safe, safe_total)]
+    return frame, reference, (noise_sq[0], noise_sq[1])
+
+
+def _deep(values: Floats, rounding: Callable[[Floats], Floats]) -> Floats:
+    """Return values of [0, 1] at 16 bits."""
+    return np.ascontiguousarray(rounding(np.clip(values, 0.0, 1.0) * FULL)).astype(np.uint16)

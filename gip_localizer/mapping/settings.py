@@ -1,0 +1,45 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""How `gip map` maps a drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from gip_localizer.errors import ParameterError
+from gip_localizer.io.bags.window import Window
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """
+    How a drive is mapped.
+
+    Attributes
+    ----------
+    resolution : float
+        Side of a map cell, metres.
+    every : int
+        Of so many frames one is used.
+    max_gap_s : float
+        Longest time between two poses that is bridged.
+    window : Window
+        Part of the bag.
+
+    """
+
+    resolution: float
+    every: int = 1
+    max_gap_s: float = 0.2
+    window: Window = field(default_factory=Window)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be (raises ParameterError)."""
+        if not 0.002 <= self.resolution <= 2.0:
+            raise ParameterError(
+                f'--resolution {self.resolution}: expected metres per cell from 0.002 to 2'
+            )
+        if self.every < 1:
+            raise ParameterError(f'--every {self.every}: expected a whole number from 1')
+        if not 0.0 < self.max_gap_s <= 60.0:
+            raise ParameterError(f'--max-gap {self.max_gap_s}: expected seconds up to 60')

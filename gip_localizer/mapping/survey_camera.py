@@ -1,0 +1,124 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded camera as a map needs it: images → views and their weights, shading taken out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from gip_localizer.core.arrays import Bools, Floats, Grey
+from gip_localizer.core.birdseye.pixel_noise import estimate_pixel_noise
+from gip_localizer.core.birdseye.rectifier import Rectifier, View
+from gip_localizer.core.camera.model import CameraModel
+from gip_localizer.core.gramian import gramian
+from gip_localizer.errors import CalibrationError, ImageError
+from gip_localizer.io.bags.bag import Bag
+from gip_localizer.io.bags.camera import recorded_camera
+from gip_localizer.io.bags.topics import IMAGES, Topics
+from gip_localizer.io.images import compressed_grey_image, grey_image
+from gip_localizer.io.map_files import load_mask
+from gip_localizer.mapping.vignetting import Shading
+from gip_localizer.parameters import Parameters
+from gip_localizer.session.masks import fitting
+
+FINER = 2  # view cells along a map cell, so that edges stay sharp
+LONGEST_PIXEL = 2.0  # map cells that a pixel may span on the road; longer ones blur the map
+STEP = 1e-3  # m, of differences
+
+
+class SurveyCamera:
+    """
+    The camera of a bag.
+
+    Parameters
+    ----------
+    bag, topics : Bag, Topics
+        The first camera_info that can be read is taken.
+    parameters : Parameters
+        `camera.*`, `birdseye.*`, `mask_file` and `score.pixel_noise`.
+    resolution : float
+        Side of a map cell, metres; views have smaller cells.
+
+    Attributes
+    ----------
+    shading : Shading
+        Taken out of every view; none at first.
+    radius_sq : (rows, cols) float64
+        Squared distance of the view's cells from the principal point in the image, 1 half a
+        diagonal away.
+
+    Raises
+    ------
+    GipError
+        No camera_info can be used, the view sees no road, or the mask cannot be read.
+
+    """
+
+    def __init__(self, bag: Bag, topics: Topics, parameters: Parameters,
+                 resolution: float) -> None:
+        self._camera = recorded_camera(bag, topics, parameters)
+        self._compressed = topics.image.msgtype == IMAGES[1]
+        self._noise = parameters.score.pixel_noise
+        self._mask = load_mask(parameters.mask_file) if parameters.mask_file else None
+        finer = parameters.replace({'birdseye.resolution': resolution / FINER}).birdseye
+        self._rectifier = Rectifier(self._camera, finer)
+        longest = LONGEST_PIXEL * resolution
+        self._looked_at = self._rectifier.valid & sharp(self._camera, self._rectifier, longest)
+        if not self._looked_at.any():
+            raise CalibrationError(
+                f'pixels span more than {longest:g} m of road all over the view; take a coarser '
+                '--resolution or a nearer birdseye.near'
+            )
+        self.shading = Shading()
+        self.radius_sq = _radius_sq(self._camera, self._rectifier)
+
+    @property
+    def length(self) -> float:
+        """Length of the view ahead that is looked at, metres."""
+        rows = np.flatnonzero(self._looked_at.any(axis=1))
+        return float(rows[-1] - rows[0] + 1) * self._rectifier.grid.resolution
+
+    def image(self, message: Any) -> Grey:
+        """Return the image (height, width) of a message (raises ImageError)."""
+        image = compressed_grey_image(message) if self._compressed else grey_image(message)
+        (height, width), camera = image.shape, self._camera
+        if (width, height) != (camera.width, camera.height):
+            raise ImageError(
+                f'the image is {width}x{height}, its CameraInfo is for '
+                f'{camera.width}x{camera.height}'
+            )
+        fitting(self._mask, image)
+        return image
+
+    def view(self, image: Grey) -> tuple[View, Floats]:
+        """Return the view of an image, shading taken out, and the weights (rows, cols)."""
+        view = self._rectifier.rectify(image)
+        noise = self._noise or estimate_pixel_noise(image)
+        weight = gramian(view.footprint, pixel_noise=noise, map_noise=0.0) * self._looked_at
+        if self._mask is not None:
+            weight = weight * self._rectifier.unmasked(self._mask)
+        lift = self.shading.lift(self.radius_sq).astype(np.float32)
+        return replace(view, patch=view.patch * lift), weight / lift**2
+
+
+def sharp(camera: CameraModel, rectifier: Rectifier, longest: float) -> Bools:
+    """Tell which view cells (rows, cols) lie under pixels no longer than `longest` metres."""
+    points = np.column_stack([rectifier.grid.points(), np.zeros(rectifier.valid.size)])
+    per_metre = [
+        (camera.project(points + shift)[0] - camera.project(points - shift)[0]) / (2.0 * STEP)
+        for shift in np.eye(3)[:2] * STEP
+    ]
+    pixels = np.nan_to_num(np.stack(per_metre, axis=-1))  # (n, 2, 2): px per metre along x, y
+    least = np.linalg.svd(pixels, compute_uv=False)[:, -1]
+    return np.asarray((least * longest >= 1.0).reshape(rectifier.valid.shape))
+
+
+def _radius_sq(camera: CameraModel, rectifier: Rectifier) -> Floats:
+    points = rectifier.grid.points()
+    uv, _ = camera.project(np.column_stack([points, np.zeros(len(points))]))
+    half = 0.25 * (camera.width**2 + camera.height**2)
+    radius_sq = np.sum((np.nan_to_num(uv) - camera.K[:2, 2]) ** 2, axis=1) / half
+    return np.where(rectifier.valid, radius_sq.reshape(rectifier.valid.shape), 0.0)

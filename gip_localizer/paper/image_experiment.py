@@ -1,0 +1,249 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+The paper's experiment on images: measured error rates beside the theory's.
+
+Per trial the paper's camera renders a place u* of a road of random tiles, white noise is added
+to every pixel, and the frame goes through the package's rectifier, Gramian and scores. An error
+is a place û, random among those around, that scores better than u*. The theory's rate is the
+mean of the general P(error) over the very pairs of the trials.
+
+Beside it, a rectifier that takes one bilinear sample at each square's centre instead of the mean
+over its footprint.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.birdseye.rectifier import Rectifier, View
+from gip_localizer.core.gramian import gramian
+from gip_localizer.core.match.score_surface import Lattice, match
+from gip_localizer.core.pose import Pose2
+from gip_localizer.paper.geometry import PaperCamera
+from gip_localizer.paper.pixel_camera import (
+    aligned_pose,
+    paper_squares,
+    pixel_camera,
+    pixel_noise,
+    square_birdseye,
+    tile_world,
+)
+from gip_localizer.paper.squares import visible_squares
+from gip_localizer.paper.theory import error_generalized, error_standard
+from gip_localizer.synthetic.renderer import Renderer
+
+AMPLITUDES = (0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)
+WORLD_M, WORLD_RESOLUTION_M = 8.0, 0.0025
+REACH = 3  # tiles: the other place is at most so far ahead and beside
+RECTIFIERS = ('footprint mean', 'point sample')
+FORMULAS = {'generalized': error_generalized, 'standard': error_standard}
+Progress = Callable[[Iterable[Any]], Iterable[Any]]
+Floats32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class PipelinePoint:
+    """
+    One measured error rate.
+
+    Attributes
+    ----------
+    amplitude : float
+        The paper's a.
+    inner_product : str
+        generalized or standard.
+    rectifier : str
+        One of `RECTIFIERS`.
+    trials, errors : int
+        Frames, and how many of them chose û.
+    theory : float
+        Mean P(error) over the pairs of the trials; it supposes footprint means.
+
+    """
+
+    amplitude: float
+    inner_product: str
+    rectifier: str
+    trials: int
+    errors: int
+    theory: float
+
+    @property
+    def rate(self) -> float:
+        """Measured probability of error."""
+        return self.errors / self.trials
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Exact (Clopper-Pearson) 95 % interval of the probability of error."""
+        interval = binomtest(self.errors, self.trials).proportion_ci(0.95, method='exact')
+        return float(interval.low), float(interval.high)
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the theory lies in the interval."""
+        low, high = self.interval
+        return low <= self.theory <= high
+
+
+def run_pipeline(
+    camera: PaperCamera, seed: int, progress: Progress = iter, *,
+    amplitudes: tuple[float, ...] = AMPLITUDES, trials: int,
+) -> list[PipelinePoint]:
+    """
+    Measure error rates on rendered frames.
+
+    Parameters
+    ----------
+    camera : PaperCamera
+        Camera, noise and squares.
+    seed : int
+        Seed of road, places and noise.
+    progress : callable
+        Wraps the trials.
+    amplitudes : tuple of float
+        The paper's a.
+    trials : int
+        Places; each gives a frame per amplitude.
+
+    Returns
+    -------
+    list of PipelinePoint
+        Per amplitude: both inner products with both rectifiers.
+
+    """
+    bench = _Bench(camera, seed)
+    errors = {(a, name, how): 0 for a in amplitudes for name in FORMULAS for how in RECTIFIERS}
+    theory = {(a, name): 0.0 for a in amplitudes for name in FORMULAS}
+    for _ in progress(range(trials)):
+        place = bench.place()
+        for amplitude in amplitudes:
+            for key, wrong in bench.judge(place, amplitude).items():
+                errors[(amplitude, *key)] += wrong
+            for name, probability in bench.theory(place, amplitude).items():
+                theory[amplitude, name] += probability / trials
+    return [
+        PipelinePoint(a, name, how, trials, count, theory[a, name])
+        for (a, name, how), count in errors.items()
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """A true place with its clean image, the candidates around it, and the one that competes."""
+
+    image: Floats32
+    lattice: Lattice
+    other: tuple[int, int]
+    truth_tiles: Floats  # u*, (m,)
+    other_tiles: Floats  # û, (m,)
+
+
+class _Bench:
+    """Road, camera and rectifiers, and the random numbers of the trials."""
+
+    def __init__(self, camera: PaperCamera, seed: int) -> None:
+        self._camera = camera
+        self._rng = np.random.default_rng(seed)
+        self._world = tile_world(camera, size=WORLD_M, resolution=WORLD_RESOLUTION_M, seed=seed)
+        model = pixel_camera(camera)
+        self._renderer = Renderer(self._world.fine, model)
+        self._rectifier = Rectifier(model, square_birdseye(camera))
+        self._chosen = paper_squares(visible_squares(camera), self._rectifier.grid)
+        self._footprint = np.where(self._chosen, self._rectifier.footprint, np.float32(0.0))
+        self._sampler = point_sampler(self._rectifier)
+
+    def place(self) -> _Place:
+        """Draw a place and one that competes, at most `REACH` tiles away."""
+        pose = aligned_pose(self._world, self._rectifier, REACH + 1, self._rng)
+        lattice = Lattice(pose, self._world.coarse.resolution, (REACH, REACH), np.zeros(1))
+        side = 2 * REACH + 1
+        index = int(self._rng.integers(side * side - 1))
+        other = divmod(index + (index >= side * side // 2), side)
+        return _Place(
+            self._renderer.render(pose), lattice, other, self._tiles_at(pose),
+            self._tiles_at(lattice.pose(np.array([0.0, *other]))),
+        )
+
+    def judge(self, place: _Place, amplitude: float) -> dict[tuple[str, str], bool]:
+        """Add noise to the image, and tell who chooses the other place."""
+        noise = pixel_noise(self._camera, amplitude)
+        image = np.float32(noise) * self._rng.standard_normal(place.image.shape, np.float32)
+        image += place.image
+        views = (self._rectifier.rectify(image), self._sampler(image))
+        weights = {
+            'generalized': gramian(self._footprint, pixel_noise=noise, map_noise=0.0),
+            'standard': (self._footprint > 0.0).astype(np.float32),
+        }
+        return {
+            (name, how): self._is_wrong(view, weight, place)
+            for name, weight in weights.items()
+            for how, view in zip(RECTIFIERS, views, strict=True)
+        }
+
+    def theory(self, place: _Place, amplitude: float) -> dict[str, float]:
+        """Return P(error) for this very pair."""
+        area = self._footprint[self._chosen].astype(float)
+        constant = pixel_noise(self._camera, amplitude) ** -2  # 1/N0, with Ã for G
+        return {
+            name: float(formula(place.truth_tiles, place.other_tiles, area, constant))
+            for name, formula in FORMULAS.items()
+        }
+
+    def _is_wrong(self, view: View, weight: Floats32, place: _Place) -> bool:
+        scores = match(
+            view, weight, self._world.coarse, place.lattice, normalized=False,
+            min_overlap=1.0 - 1e-6,
+        )
+        return bool(scores.residual[(0, *place.other)] < scores.residual[0, REACH, REACH])
+
+    def _tiles_at(self, pose: Pose2) -> Floats:
+        """Return the map at the squares seen from a pose, (m,)."""
+        points = self._rectifier.grid.points()[self._chosen.ravel()]
+        values, _ = self._world.coarse.sample(pose.transform(points))
+        return values.astype(float)
+
+
+def point_sampler(rectifier: Rectifier) -> Callable[[Floats32], View]:
+    """Return the naive rectifier: `cv2.warpPerspective`, one bilinear sample per cell centre."""
+    grid, camera = rectifier.grid, rectifier.camera
+    centres = grid.points().reshape(grid.rows, grid.cols, 2)
+    cells = np.array([[0, 0], [grid.cols - 1, 0], [grid.cols - 1, grid.rows - 1],
+                      [0, grid.rows - 1]], np.float32)
+    rows, cols = cells[:, 1].astype(int), cells[:, 0].astype(int)
+    pixels, _ = camera.project(centres[rows, cols])
+    H = cv2.getPerspectiveTransform(cells, pixels.astype(np.float32))
+
+    def sample(image: Floats32) -> View:
+        patch = cv2.warpPerspective(
+            image, H, (grid.cols, grid.rows), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        )
+        patch = np.where(rectifier.valid, patch, np.float32(0.0))
+        return View(patch, rectifier.footprint, rectifier.valid, grid)
+
+    return sample
+
+
+def table_rows(points: Iterable[PipelinePoint]) -> Iterator[tuple[object, ...]]:
+    """Yield the rows of `pipeline.csv` (columns: `COLUMNS`)."""
+    for point in points:
+        yield (
+            point.amplitude, point.inner_product, point.rectifier, point.trials, point.errors,
+            point.rate, *point.interval, point.theory, int(point.agrees),
+        )
+
+
+COLUMNS = (
+    'amplitude', 'inner_product', 'rectifier', 'trials', 'errors', 'rate', 'low_95', 'high_95',
+    'theory', 'theory_inside',
+)

@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The groups of `gip_localizer.parameters` that tie the node into a vehicle's stack."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gip_localizer.parameters.spec import parameter as p
+from gip_localizer.parameters.spec import ParameterGroup
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Names of the coordinate frames (REP 105)."""
+
+    map: str = p('map', 'Frame of the map and of the published poses.', read_only=True)
+    odom: str = p('odom', 'Frame of the odometry.', read_only=True)
+    base: str = p('base_link', 'Frame of the vehicle, on the road under it.', read_only=True)
+
+
+@dataclass(frozen=True)
+class InitialPose:
+    """Where to start without an `initialpose` message."""
+
+    set: bool = p(False, 'Take the pose below as the first prior.', read_only=True)
+    x: float = p(0.0, 'Position in the map frame.', unit='m', low=-1e7, high=1e7, read_only=True)
+    y: float = p(0.0, 'Position in the map frame.', unit='m', low=-1e7, high=1e7, read_only=True)
+    yaw: float = p(0.0, 'Heading in the map frame.', unit='rad', low=-7.0, high=7.0,
+                   read_only=True)
+    sigma_xy: float = p(0.3, 'Standard deviation of x and of y.', unit='m', low=1e-3, high=1e3,
+                        read_only=True)
+    sigma_yaw: float = p(0.03, 'Standard deviation of the heading.', unit='rad', low=1e-4,
+                         high=3.2, read_only=True)
+
+
+@dataclass(frozen=True)
+class Transforms:
+    """What the node says on /tf; where tf2_msgs is not installed it says that it cannot."""
+
+    publish: bool = p(False, 'Publish map to odom on /tf (needs tf2_msgs and odometry); only one '
+                      'node may.', read_only=True)
+    tolerance: float = p(0.1, 'How far ahead of the image the transform is stamped.', unit='s',
+                         low=0.0, high=10.0)
+
+
+@dataclass(frozen=True)
+class MaskTopic:
+    """A mask with each image, as a segmentation network gives it, on the topic `mask`."""
+
+    from_topic: bool = p(False, 'Take a mask with each image from the topic mask (mono8 of the '
+                         "image's size and stamp; from 128 on is looked at), beside mask_file.",
+                         read_only=True)
+    tolerance: float = p(0.0, 'Largest difference between the stamps of an image and its mask.',
+                         unit='s', low=0.0, high=1.0)
+    timeout: float = p(0.1, 'How long an image waits for its mask.', unit='s', low=0.0,
+                       high=10.0)
+    required: bool = p(False, 'What becomes of an image without a usable mask. True: withheld; '
+                       'false: localized without it.')
+
+
+@dataclass(frozen=True)
+class State:
+    """The last pose, kept in `state_file` for a restart."""
+
+    period: float = p(1.0, 'Least time between two writings of state_file.', unit='s', low=0.1,
+                      high=3600.0)
+    max_age: float = p(60.0, 'An older state_file is not used.', unit='s', low=0.1, high=1e7,
+                       read_only=True)
+
+
+@dataclass(frozen=True)
+class Diagnostics:
+    """When /diagnostics warn of the messages that come, or do not."""
+
+    camera_timeout: float = p(1.0, 'A camera that is silent for longer is reported.', unit='s',
+                              low=0.05, high=3600.0)
+    odometry_timeout: float = p(1.0, 'Odometry that is silent for longer is reported.', unit='s',
+                                low=0.05, high=3600.0)
+    max_delay: float = p(0.5, 'Images that come later after their stamp are reported.', unit='s',
+                         low=0.0, high=3600.0)
+    max_ahead: float = p(0.1, 'Stamps farther ahead of the clock are reported.', unit='s',
+                         low=0.0, high=3600.0)
+
+
+@dataclass(frozen=True)
+class BagPlayerParameters(ParameterGroup):
+    """What is played, and how fast."""
+
+    bag: str = p('', 'Bag: a rosbag2 folder, an .mcap or a .db3 file.', read_only=True)
+    rate: float = p(1.0, 'Bag seconds per second.', low=0.01, high=100.0)
+    start: float = p(0.0, 'What is skipped at the beginning.', unit='s', low=0.0, high=1e7,
+                     read_only=True)
+    loop: bool = p(False, 'Begin again at the end.')
+    paused: bool = p(False, 'Wait for the service ~/pause before the first message.',
+                     read_only=True)
+    topics: str = p('', 'Names of the topics to play, with commas between; empty: all.',
+                    read_only=True)
+    wait_for: str = p('', 'Names of topics, with commas between, that must each have a subscriber '
+                      'before the first message; empty: play at once.', read_only=True)

@@ -1,0 +1,83 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""`/diagnostics`: what `Health` tells, once a second and when it changes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from std_msgs.msg import Header
+
+from gip_localizer.session.diagnostic_rules import Level
+from gip_localizer.session.diagnostics import Health, Report
+
+
+class Diagnostics:
+    """
+    Publishes the statuses of a node, and logs what changes in them.
+
+    Parameters
+    ----------
+    node : Node
+        Publishes and logs.
+    health : Health
+        Asked each time.
+
+    """
+
+    def __init__(self, node: Node, health: Health) -> None:
+        self._node = node
+        self._health = health
+        self._publisher = node.create_publisher(
+            DiagnosticArray, '/diagnostics', QoSProfile(depth=10)
+        )
+        self._told: dict[str, str] = {}
+
+    def tell_changes(self) -> None:
+        """Publish if another rule holds than before."""
+        reports = self._health.reports()
+        if _rules(reports) != self._told:
+            self._publish(reports)
+
+    def tell(self) -> None:
+        """Publish."""
+        self._publish(self._health.reports())
+
+    def _publish(self, reports: Sequence[Report]) -> None:
+        name = self._node.get_fully_qualified_name().lstrip('/')
+        self._publisher.publish(DiagnosticArray(
+            header=Header(stamp=self._node.get_clock().now().to_msg()),
+            status=[_status(name, report) for report in reports],
+        ))  # fmt: skip
+        rules = _rules(reports)
+        for report in reports:
+            if rules[report.concern.name] != self._told.get(report.concern.name, ''):
+                self._log(report)
+        self._told = rules
+
+    def _log(self, report: Report) -> None:
+        text = f'{report.concern.name}: {report.message}'
+        # rclpy ties a severity to the line that logs.
+        if report.level is Level.OK:
+            self._node.get_logger().info(text)
+        else:
+            self._node.get_logger().warning(text)
+
+
+def _rules(reports: Sequence[Report]) -> dict[str, str]:
+    return {
+        report.concern.name: ' '.join(rule.name for rule in report.rules)
+        for report in reports
+    }
+
+
+def _status(node: str, report: Report) -> DiagnosticStatus:
+    status = DiagnosticStatus(
+        level=bytes([report.level]), name=f'{node}: {report.concern.name}',
+        message=report.message, hardware_id=node,
+    )  # fmt: skip
+    status.values = [KeyValue(key=key, value=value) for key, value in report.figures.items()]
+    return status

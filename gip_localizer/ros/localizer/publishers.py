@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Everything the node `localizer` publishes."""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from nav_msgs.msg import OccupancyGrid
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from sensor_msgs.msg import Image
+from std_msgs.msg import Float64
+
+from gip_localizer.core.estimate import Estimate
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.ros.conversions import (
+    bgr8,
+    mono8,
+    occupancy_grid,
+    pose_stamped,
+    pose_with_covariance,
+)
+from gip_localizer.ros.endpoints import advertise
+from gip_localizer.session.frontend import Frontend
+from gip_localizer.visualization.match_images import birdseye_picture, comparison_picture
+from gip_localizer.visualization.overlay import camera_overlay
+
+FIGURES = {'~/quality': 'confidence', '~/score': 'correlation'}
+"""Topic → the figure of an estimate that it carries; both are 1 at best."""
+
+
+class Outputs:
+    """
+    The publishers of a node, and what goes out on them.
+
+    Parameters
+    ----------
+    node : Node
+        Publishes.
+    frame : str
+        The map's frame, in which poses are given.
+    raster_map : RasterMap
+        Published once, for those who come later too.
+
+    """
+
+    def __init__(self, node: Node, frame: str, raster_map: RasterMap) -> None:
+        self._node = node
+        self._frame = frame
+        self._raster_map = raster_map
+        reliable = QoSProfile(depth=10)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        posed = PoseWithCovarianceStamped
+        self._pose = advertise(node, PoseStamped, 'pose', reliable)
+        self._with_covariance = advertise(node, posed, 'pose_with_covariance', reliable)
+        self._last_pose = advertise(node, posed, '~/last_pose', latched)
+        self._figures = {topic: advertise(node, Float64, topic, reliable) for topic in FIGURES}
+        self._execution = advertise(node, Float64, '~/execution_time_ms', reliable)
+        self._birdseye = advertise(node, Image, '~/birdseye', qos_profile_sensor_data)
+        self._comparison = advertise(node, Image, '~/comparison', qos_profile_sensor_data)
+        self._overlay = advertise(node, Image, '~/overlay', qos_profile_sensor_data)
+        self._map = advertise(node, OccupancyGrid, 'map', latched)
+        self._map.publish(occupancy_grid(self._now_ns(), frame, raster_map))
+
+    def publish(self, estimate: Estimate, elapsed_ms: float) -> None:
+        """Publish a pose, if the estimate holds one, and the figures of the frame."""
+        if estimate.pose is not None and estimate.covariance is not None:
+            at = (estimate.stamp_ns, self._frame, estimate.pose)
+            self._pose.publish(pose_stamped(*at))
+            posed = pose_with_covariance(*at, estimate.covariance)
+            self._with_covariance.publish(posed)
+            self._last_pose.publish(posed)
+        self._execution.publish(Float64(data=elapsed_ms))
+        for topic, name in FIGURES.items():
+            if name in estimate.quality:
+                self._figures[topic].publish(Float64(data=float(estimate.quality[name])))
+
+    def publish_pictures(self, estimate: Estimate, frame: str, frontend: Frontend) -> None:
+        """
+        Publish what the match looked like, if someone is looking.
+
+        Parameters
+        ----------
+        estimate : Estimate
+            Of the frame.
+        frame : str
+            The vehicle's, in which the pictures from above are.
+        frontend : Frontend
+            Holds the frame itself.
+
+        """
+        if self._overlay.get_subscription_count() and frontend.image is not None:
+            overlay = camera_overlay(frontend.image, frontend.camera, self._raster_map, estimate)
+            self._overlay.publish(bgr8(estimate.stamp_ns, frontend.camera_frame, overlay))
+        match = estimate.match
+        if match is None:
+            return
+        if self._birdseye.get_subscription_count():
+            picture = birdseye_picture(match.view)
+            self._birdseye.publish(mono8(estimate.stamp_ns, frame, picture))
+        pose = estimate.pose or (match.fit.pose if match.fit is not None else None)
+        if pose is not None and self._comparison.get_subscription_count():
+            picture = comparison_picture(self._raster_map, match.view, pose)
+            self._comparison.publish(bgr8(estimate.stamp_ns, frame, picture))
+
+    def _now_ns(self) -> int:
+        return int(self._node.get_clock().now().nanoseconds)

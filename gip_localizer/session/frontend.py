@@ -1,0 +1,237 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Messages → localizer calls, in one place for the node and for bag replay.
+
+Nothing here raises on a bad message: what is wrong is in the `Estimate` of the frame, or in
+`complaints`, by concern, until a good message of that concern clears it.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import contextlib
+from typing import Any
+
+import numpy as np
+
+from gip_localizer.core.arrays import Grey
+from gip_localizer.core.camera.calibration import Calibration
+from gip_localizer.core.camera.model import CameraModel
+from gip_localizer.core.estimate import Estimate, Status
+from gip_localizer.core.localizer import Localizer
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.errors import CalibrationError, GipError, ImageError
+from gip_localizer.io import messages
+from gip_localizer.io.images import compressed_grey_image, grey_image
+from gip_localizer.io.map_files import load_mask
+from gip_localizer.parameters import Parameters
+from gip_localizer.session.input_checks import odometry_doubts, RepeatedImages, TOLD_AFTER
+from gip_localizer.session.mask_sync import Masked
+from gip_localizer.session.masks import both, fitting, mask_image, MaskError
+
+
+class Frontend:
+    """
+    Feeds messages to a localizer.
+
+    Parameters
+    ----------
+    raster_map : RasterMap
+        The map.
+    parameters : Parameters
+        All tunables.
+
+    Raises
+    ------
+    MapError
+        `mask_file` is named and cannot be read.
+
+    Attributes
+    ----------
+    localizer : Localizer
+        The core.
+    complaints : dict
+        Concern (camera_info, odom, initialpose) → what is wrong with its last message.
+    counts : dict
+        Messages per topic, and how many of them were refused (`<topic>_refused`).
+    image : (height, width) array or None
+        The last frame; None where it could not be read.
+    camera_frame : str
+        Its frame, as its header names it.
+    doubts : dict
+        Rule of `gip_localizer.session.diagnostic_rules` → detail, of the last frame.
+
+    """
+
+    def __init__(self, raster_map: RasterMap, parameters: Parameters) -> None:
+        self.localizer = Localizer(raster_map, parameters)
+        self.complaints: dict[str, str] = {}
+        self.counts: dict[str, int] = {}
+        self.doubts: dict[str, str] = {}
+        self.image: Grey | None = None
+        self.camera_frame = ''
+        self._repeats = RepeatedImages()
+        self._calibration: Calibration | None = None
+        self._info_raw: tuple[object, ...] | None = None
+        self._camera: CameraModel | None = None
+        self._mask = load_mask(parameters.mask_file) if parameters.mask_file else None
+
+    @property
+    def parameters(self) -> Parameters:
+        """The parameters in force."""
+        return self.localizer.parameters
+
+    @property
+    def camera(self) -> CameraModel | None:
+        """The camera of the last frame; None before the first or where it cannot be used."""
+        return self._camera
+
+    def configure(self, parameters: Parameters) -> None:
+        """Take new parameters from the next frame on."""
+        self.localizer.configure(parameters)
+        self._camera = None
+
+    def relocalize(self) -> None:
+        """Search the whole map at the next frame."""
+        self.localizer.relocalize()
+
+    def on_camera_info(self, message: Any) -> None:
+        """Take a sensor_msgs/CameraInfo; an unusable one replaces nothing."""
+        self._count('camera_info')
+        raw = messages.fingerprint(message)
+        if raw == self._info_raw:
+            self.complaints.pop('camera_info', None)
+            return
+        try:
+            self._calibration = messages.calibration(message)
+        except (CalibrationError, ValueError) as error:
+            self._complain('camera_info', str(error))
+            return
+        self._info_raw = raw
+        self._camera = None
+        self.complaints.pop('camera_info', None)
+        # Ahead of the first frame, which tells what is wrong.
+        with contextlib.suppress(CalibrationError):
+            self.localizer.prepare(self._calibrated_camera())
+
+    def on_odometry(self, message: Any) -> None:
+        """Take a nav_msgs/Odometry."""
+        self._count('odom')
+        try:
+            sample = messages.odometry(message)
+        except GipError as error:
+            self._complain('odom', str(error))
+            return
+        frames = self.parameters.frames
+        wrong = messages.other_frame('of', message.child_frame_id, 'frames.base', frames.base) or (
+            messages.other_frame('in', message.header.frame_id, 'frames.odom', frames.odom)
+        )
+        if wrong:
+            self._complain('odom', wrong)
+            return
+        if self.localizer.add_odometry(sample):
+            self.complaints.pop('odom', None)
+        else:
+            self._complain('odom', self.localizer.tracker.odometry.complaint)
+
+    def on_initial_pose(self, message: Any) -> None:
+        """Take a geometry_msgs/PoseWithCovarianceStamped as the prior."""
+        self._count('initialpose')
+        try:
+            self._set_prior(message)
+        except GipError as error:
+            self._complain('initialpose', f'{error}; the last belief stays')
+        else:
+            self.complaints.pop('initialpose', None)
+
+    def _set_prior(self, message: Any) -> None:
+        frame, expected = str(message.header.frame_id), self.parameters.frames.map
+        if frame.lstrip('/') != expected.lstrip('/'):
+            raise messages.PoseMessageError(
+                f'initialpose is in frame {frame!r}; expected {expected!r}'
+            )
+        pose = messages.planar_pose(message.pose.pose)
+        if not bool(self.localizer.raster_map.contains(np.array([pose.x, pose.y]))):
+            low_x, low_y, high_x, high_y = self.localizer.raster_map.bounds
+            raise messages.PoseMessageError(
+                f'initialpose ({pose.x:.1f}, {pose.y:.1f}) is outside the map '
+                f'(x {low_x:.1f} to {high_x:.1f}, y {low_y:.1f} to {high_y:.1f})'
+            )
+        covariance = messages.planar_covariance(message.pose.covariance)
+        self.localizer.set_prior(messages.stamp_ns(message.header), pose, covariance)
+
+    def on_image(self, message: Any, masked: Masked | None = None) -> Estimate:
+        """Localize a sensor_msgs/Image; `masked` where a mask is asked for with it."""
+        return self._on_frame(message, grey_image, masked)
+
+    def on_compressed_image(self, message: Any, masked: Masked | None = None) -> Estimate:
+        """Localize a sensor_msgs/CompressedImage, likewise."""
+        return self._on_frame(message, compressed_grey_image, masked)
+
+    def _on_frame(
+        self, message: Any, decode: Callable[[Any], Grey], masked: Masked | None
+    ) -> Estimate:
+        self._count('image')
+        self.doubts, self.image = {}, None
+        self.camera_frame = str(message.header.frame_id)
+        stamp = messages.stamp_ns(message.header)
+        if self._calibration is None:
+            wrong = self.complaints.get('camera_info', 'no camera_info received yet')
+            return Estimate(stamp, Status.NO_CALIBRATION, wrong)
+        try:
+            self.image = image = decode(message)
+            camera = self._camera_for(image)
+            mask = both(fitting(self._mask, image), self._mask_of(masked, image))
+        except MaskError as error:
+            return Estimate(stamp, Status.NO_MASK, str(error))
+        except ImageError as error:
+            self._refuse('image')
+            return Estimate(stamp, Status.BAD_IMAGE, str(error))
+        except CalibrationError as error:
+            self._refuse('image')
+            return Estimate(stamp, Status.NO_CALIBRATION, str(error))
+        tracker = self.localizer.tracker
+        self.doubts |= odometry_doubts(stamp, tracker)
+        if frozen := self._repeats.frozen(stamp, image, tracker):
+            return Estimate(stamp, Status.FROZEN_IMAGE, frozen)
+        if self._repeats.repeats >= TOLD_AFTER:
+            self.doubts['REPEATED_IMAGES'] = f'{self._repeats.repeats} in a row'
+        return self.localizer.update(stamp, image, camera, mask=mask)
+
+    def _mask_of(self, masked: Masked | None, image: Grey) -> Grey | None:
+        """Return the mask that came with an image; None where it may do without."""
+        if masked is None:
+            return None
+        try:
+            if masked.mask is None:
+                raise MaskError(masked.missing)
+            self._count('mask')
+            return mask_image(masked.mask, (image.shape[0], image.shape[1]))
+        except MaskError as error:
+            rule = 'MASK_MISSING' if masked.mask is None else 'MASK_REFUSED'
+            self.doubts[rule] = str(error)
+            self._refuse('mask')
+            if self.parameters.mask.required:
+                raise
+            return None
+
+    def _calibrated_camera(self) -> CameraModel:
+        if self._camera is None:
+            assert self._calibration is not None
+            self._camera = CameraModel.given(self._calibration, self.parameters.camera)
+        return self._camera
+
+    def _camera_for(self, image: Grey) -> CameraModel:
+        return self._calibrated_camera().for_image(image)
+
+    def _count(self, topic: str) -> None:
+        self.counts[topic] = self.counts.get(topic, 0) + 1
+
+    def _refuse(self, topic: str) -> None:
+        self._count(f'{topic}_refused')
+
+    def _complain(self, concern: str, text: str) -> None:
+        self._refuse(concern)
+        self.complaints[concern] = text

@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What is well-formed and yet cannot be right: pictures that repeat, odometry of another time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gip_localizer.core.arrays import Grey
+from gip_localizer.core.track.pose_filter import Tracker
+
+COARSE = 16
+"""Rows of which one is compared first: most pictures differ there already."""
+TOLD_AFTER = 3
+"""Repetitions in a row that are worth telling."""
+MOVED_XY, MOVED_YAW = 0.1, 0.02
+"""Metres and radians of motion during which a picture cannot stay the same to the bit."""
+
+
+class RepeatedImages:
+    """
+    Notices a camera that sends the same pixels under new stamps.
+
+    Attributes
+    ----------
+    repeats : int
+        Frames in a row whose pixels are those of the frame before.
+
+    """
+
+    def __init__(self) -> None:
+        self.repeats = 0
+        self._image: Grey | None = None
+        self._first_ns = 0
+        self._last_ns: int | None = None
+        self._frozen = ''
+
+    def frozen(self, stamp_ns: int, image: Grey, tracker: Tracker) -> str:
+        """
+        Tell why the camera must be frozen; empty where it may see what it shows.
+
+        Parameters
+        ----------
+        stamp_ns : int
+            Of the image.
+        image : (height, width) uint8, uint16 or float32
+            Its pixels, which must not change until the next call.
+        tracker : Tracker
+            Knows how the vehicle moves.
+
+        """
+        if self._last_ns is not None and stamp_ns <= self._last_ns:
+            self._image = None  # time went back, or the frame is none
+        if self._image is None or not same_pixels(image, self._image):
+            self.repeats, self._first_ns, self._frozen = 0, stamp_ns, ''
+        else:
+            self.repeats += 1
+            self._frozen = self._frozen or self._contradiction(stamp_ns, tracker)
+        self._image, self._last_ns = image, stamp_ns
+        return self._frozen
+
+    def _contradiction(self, stamp_ns: int, tracker: Tracker) -> str:
+        moved = tracker.moved_since(self._first_ns, stamp_ns)
+        if moved is None:
+            return ''
+        driven = math.hypot(moved.x, moved.y)
+        if driven < MOVED_XY and abs(moved.yaw) < MOVED_YAW:
+            return ''
+        return (
+            f'the pixels are those of the frame before, though the vehicle moved {driven:.2f} m '
+            f'and {moved.yaw:.3f} rad meanwhile; is the camera frozen?'
+        )
+
+
+def same_pixels(first: Grey, second: Grey) -> bool:
+    """Tell whether two pictures are the same to the bit."""
+    return first.shape == second.shape and (
+        np.array_equal(first[::COARSE], second[::COARSE]) and np.array_equal(first, second)
+    )
+
+
+def odometry_doubts(stamp_ns: int, tracker: Tracker) -> dict[str, str]:
+    """Return the rules that hold of odometry at an image, and their details."""
+    found = {}
+    apart = tracker.odometry.apart(stamp_ns)
+    if apart is not None and tracker.odometry.pose_at(stamp_ns) is None:
+        side = 'ahead of' if apart > 0.0 else 'behind'
+        found['ODOMETRY_OFF_TIME'] = (
+            f'the newest is stamped {_span(abs(apart))} {side} the image; '
+            'do their clocks agree?'
+        )
+    if tracker.trust.doubted:
+        found['ODOMETRY_CONTRADICTED'] = tracker.trust.detail
+    return found
+
+
+def _span(seconds: float) -> str:
+    return f'{seconds / 86400.0:.1f} days' if seconds > 86400.0 else f'{seconds:.3f} s'

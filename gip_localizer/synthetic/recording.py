@@ -1,0 +1,165 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""A synthetic drive as a bag with map and parameters; the same settings give the same bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gip_localizer.errors import ParameterError
+from gip_localizer.io.bags.writer import BagWriter, make, make_header, make_pose
+from gip_localizer.io.map_files import save_map
+from gip_localizer.io.messages import full_covariance
+from gip_localizer.parameters import dump_parameter_file
+from gip_localizer.parameters.spec import dump_ros_yaml
+from gip_localizer.synthetic.drive import SyntheticDrive, SyntheticFrame
+from gip_localizer.synthetic.localizer_parameters import localizer_parameters
+from gip_localizer.synthetic.wheel_odometry import OdometryReading
+
+NAME = 'drive'
+START_NS = 1_700_000_000_000_000_000
+OPTICAL = 'camera_optical_frame'
+TRANSPORTS = ('raw', 'jpeg', 'png')
+IMAGE, COMPRESSED = '/image', '/image/compressed'
+INFO, ODOM, TRUTH, TF = '/camera_info', '/odom', '/ground_truth', '/tf_static'
+TYPES = {
+    IMAGE: 'sensor_msgs/msg/Image', COMPRESSED: 'sensor_msgs/msg/CompressedImage',
+    INFO: 'sensor_msgs/msg/CameraInfo', ODOM: 'nav_msgs/msg/Odometry',
+    TRUTH: 'geometry_msgs/msg/PoseStamped', TF: 'tf2_msgs/msg/TFMessage',
+}
+
+
+def write_drive(folder: Path, drive: SyntheticDrive, *, seconds: float, transport: str,
+                quality: int, on_frame: Callable[[], object]) -> None:
+    """
+    Write bag, map and parameters into a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Exists and is empty; afterwards a rosbag2 folder with map.yaml, map.png, params.yaml (of
+        the localizer) and synthetic_camera.yaml beside the bag.
+    drive : SyntheticDrive
+        What is recorded.
+    seconds : float
+        Length of the recording.
+    transport : str
+        raw, jpeg or png.
+    quality : int
+        Of jpeg, 1 to 100.
+    on_frame : callable
+        Told of each image.
+
+    Raises
+    ------
+    GipError
+        The drive's camera sees no road, or the images do not fit the transport.
+
+    """
+    if transport == 'jpeg' and drive.parameters.sensor.bits != 8:
+        raise ParameterError('jpeg holds 8 bits: choose --transport png, or sensor.bits=8')
+    save_map(drive.raster_map, folder / 'map.yaml')
+    settings = localizer_parameters(drive, compressed=transport != 'raw')
+    (folder / 'params.yaml').write_text(dump_parameter_file(settings), encoding='utf-8')
+    (folder / 'synthetic_camera.yaml').write_text(
+        dump_ros_yaml(drive.parameters.to_dict()), encoding='utf-8'
+    )
+    bag_folder = folder / NAME
+    left_out = COMPRESSED if transport == 'raw' else IMAGE
+    topics = {topic: kind for topic, kind in TYPES.items() if topic != left_out}
+    with BagWriter(bag_folder, topics, compress=True, latched=frozenset({TF})) as bag:
+        bag.write(TF, drive.start_ns, _tf_static(drive))
+        for event in drive.events(seconds):
+            if isinstance(event, OdometryReading):
+                _write_odometry(bag, event, drive)
+            else:
+                _write_frame(bag, event, drive, (transport, quality))
+                on_frame()
+    for file in sorted(bag_folder.iterdir()):
+        file.rename(folder / file.name)
+    bag_folder.rmdir()
+
+
+def _write_odometry(bag: BagWriter, reading: OdometryReading, drive: SyntheticDrive) -> None:
+    sample, frames = reading.sample, drive.parameters.frames
+    twist = make(
+        'geometry_msgs/msg/Twist',
+        linear=make('geometry_msgs/msg/Vector3', x=sample.forward, y=sample.left, z=0.0),
+        angular=make('geometry_msgs/msg/Vector3', x=0.0, y=0.0, z=sample.turn),
+    )
+    bag.write(ODOM, sample.stamp_ns, make(
+        TYPES[ODOM], header=make_header(sample.stamp_ns, frames.odom), child_frame_id=frames.base,
+        pose=make('geometry_msgs/msg/PoseWithCovariance', pose=make_pose(sample.pose),
+                  covariance=full_covariance(reading.pose_covariance)),
+        twist=make('geometry_msgs/msg/TwistWithCovariance', twist=twist,
+                   covariance=full_covariance(reading.twist_covariance)),
+    ))
+
+
+def _write_frame(bag: BagWriter, frame: SyntheticFrame, drive: SyntheticDrive,
+                 coding: tuple[str, int]) -> None:
+    stamp = frame.stamp_ns
+    header = make_header(stamp, OPTICAL)
+    bag.write(INFO, stamp, _camera_info(header, frame))
+    truth = make_header(stamp, drive.parameters.frames.map)
+    bag.write(TRUTH, stamp, make(TYPES[TRUTH], header=truth, pose=make_pose(frame.truth)))
+    if coding[0] == 'raw':
+        bag.write(IMAGE, stamp, _image(header, frame.image))
+    else:
+        bag.write(COMPRESSED, stamp, _compressed(header, frame.image, coding))
+
+
+def _image(header: Any, image: NDArray[np.unsignedinteger]) -> Any:
+    rows, cols = image.shape
+    little = image.astype(image.dtype.newbyteorder('<'))
+    return make(
+        TYPES[IMAGE], header=header, height=rows, width=cols,
+        encoding='mono8' if image.itemsize == 1 else 'mono16', is_bigendian=0,
+        step=cols * image.itemsize, data=np.frombuffer(little.tobytes(), np.uint8),
+    )
+
+
+def _compressed(header: Any, image: NDArray[np.unsignedinteger], coding: tuple[str, int]) -> Any:
+    kind, quality = coding
+    options = [cv2.IMWRITE_JPEG_QUALITY, quality] if kind == 'jpeg' else []
+    _, encoded = cv2.imencode('.jpg' if kind == 'jpeg' else '.png', image, options)
+    depth = 'mono8' if image.itemsize == 1 else 'mono16'
+    return make(TYPES[COMPRESSED], header=header, format=f'{depth}; {kind} compressed {depth}',
+                data=encoded.ravel())
+
+
+def _camera_info(header: Any, frame: SyntheticFrame) -> Any:
+    numbers = frame.calibration
+    x, y, width, height = numbers.roi
+    projection = np.hstack([numbers.P, np.zeros((3, 1))])
+    return make(
+        TYPES[INFO], header=header, height=numbers.height, width=numbers.width,
+        distortion_model=numbers.model, d=numbers.D.astype(float), k=numbers.K.ravel(),
+        r=np.eye(3).ravel(), p=projection.ravel(), binning_x=0, binning_y=0,
+        roi=make('sensor_msgs/msg/RegionOfInterest', x_offset=x, y_offset=y, width=width,
+                 height=height, do_rectify=False),
+    )
+
+
+def _tf_static(drive: SyntheticDrive) -> Any:
+    """Return the pose of the camera's optical frame in the base frame."""
+    held = drive.camera.extrinsics
+    x, y, z, w = (float(value) for value in Rotation.from_matrix(held.rotation()).as_quat())
+    transform = make(
+        'geometry_msgs/msg/Transform',
+        translation=make('geometry_msgs/msg/Vector3', x=held.x, y=held.y, z=held.z),
+        rotation=make('geometry_msgs/msg/Quaternion', x=x, y=y, z=z, w=w),
+    )
+    stamped = make(
+        'geometry_msgs/msg/TransformStamped',
+        header=make_header(drive.start_ns, drive.parameters.frames.base), child_frame_id=OPTICAL,
+        transform=transform,
+    )
+    return make(TYPES[TF], transforms=[stamped])
