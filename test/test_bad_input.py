@@ -43,7 +43,7 @@ class Run:
         self.frontend.on_camera_info(camera_info(CALIBRATION))
         self.frontend.on_initial_pose(initial_pose(drive[0][0], COVARIANCE))
         self.road, self.drive = road, drive
-        self.estimates, self.doubts, self.complaints = [], set(), []
+        self.estimates, self.warnings, self.complaints = [], set(), []
 
     def go(self, bend=None, show=None):
         """Drive; `bend` makes the messages of one true reading of odometry."""
@@ -57,7 +57,7 @@ class Run:
     def see(self, stamp, pixels):
         estimate = self.frontend.on_image(image_message(pixels, 'mono8', stamp_ns=stamp))
         self.estimates.append(estimate)
-        self.doubts |= set(self.frontend.doubts)
+        self.warnings |= set(self.frontend.warnings)
         return estimate
 
     def _odometry(self, bend, stamp, turn):
@@ -91,7 +91,7 @@ def placed(message, x, forward=None):
     return message
 
 
-def standing(message, pose=None):
+def track_state(message, pose=None):
     message.pose.pose = make_pose(pose or Pose2(0.0, 0.0, 0.0))
     message.twist.twist.linear.x = 0.0
     return message
@@ -111,19 +111,19 @@ def named(message, **frames):
 
 def test_good_odometry_and_a_good_camera_raise_no_doubt(run):
     run.go(lambda message, turn: [message]).assert_right()
-    assert not run.doubts
+    assert not run.warnings
     assert not run.complaints
-    assert run.frontend.localizer.tracker.prediction_source == 'odometry'
+    assert run.frontend.localizer.pose_filter.prediction_source == 'odometry'
 
 
 @pytest.mark.parametrize('reset', [False, True])
 def test_odometry_that_freezes_is_contradicted(run, reset):
     last = pose_at(run.road, 0).inverse() @ pose_at(run.road, 8)
     frozen = Pose2(last.x, last.y, last.yaw + 2.0 * reset)
-    run.go(lambda message, turn: [message if turn < 8 else standing(message, frozen)])
+    run.go(lambda message, turn: [message if turn < 8 else track_state(message, frozen)])
     run.assert_right()
-    assert 'ODOMETRY_CONTRADICTED' in run.doubts
-    assert run.frontend.localizer.tracker.prediction_source == 'constant velocity'
+    assert 'ODOMETRY_CONTRADICTED' in run.warnings
+    assert run.frontend.localizer.pose_filter.prediction_source == 'constant velocity'
 
 
 def test_odometry_that_stands_at_zero_all_the_time_is_contradicted(road, drive):
@@ -132,26 +132,26 @@ def test_odometry_that_stands_at_zero_all_the_time_is_contradicted(road, drive):
     slow += [(pose := road.pose(0.1 + step * n), road.frame(CAMERA, pose, seed=n))
              for n in range(1, FRAMES)]
     slow[1] = (slow[1][0], road.frame(CAMERA, slow[1][0], seed=99))
-    run = Run(road, slow).go(lambda message, turn: [standing(message)])
+    run = Run(road, slow).go(lambda message, turn: [track_state(message)])
     run.assert_right()
-    assert 'ODOMETRY_CONTRADICTED' in run.doubts
+    assert 'ODOMETRY_CONTRADICTED' in run.warnings
 
 
 def test_odometry_that_is_right_again_is_trusted_again(road, drive):
     still = drive[8]
     pictures = [road.frame(CAMERA, still[0], seed=100 + n) for n in range(36)]
     run = Run(road, drive[:8] + [(still[0], picture) for picture in pictures])
-    run.go(lambda message, turn: [message if turn < 3 else standing(message)])
-    assert 'ODOMETRY_CONTRADICTED' in run.doubts
-    assert 'ODOMETRY_CONTRADICTED' not in run.frontend.doubts
-    assert run.frontend.localizer.tracker.prediction_source == 'odometry'
+    run.go(lambda message, turn: [message if turn < 3 else track_state(message)])
+    assert 'ODOMETRY_CONTRADICTED' in run.warnings
+    assert 'ODOMETRY_CONTRADICTED' not in run.frontend.warnings
+    assert run.frontend.localizer.pose_filter.prediction_source == 'odometry'
 
 
 @pytest.mark.parametrize('ns', [DAYS_66, -DAYS_66])
 def test_odometry_of_another_day_is_named(run, ns):
     run.go(lambda message, turn: [shifted(message, ns)]).assert_right()
-    assert run.doubts == {'ODOMETRY_OFF_TIME'}
-    assert '66.0 days' in run.frontend.doubts['ODOMETRY_OFF_TIME']
+    assert run.warnings == {'ODOMETRY_OFF_TIME'}
+    assert '66.0 days' in run.frontend.warnings['ODOMETRY_OFF_TIME']
 
 
 @pytest.mark.parametrize('ns', [DAYS_66, -DAYS_66])
@@ -159,7 +159,7 @@ def test_one_stamp_of_another_day_does_not_cost_the_rest(run, ns):
     run.go(lambda message, turn: [message, *(
         [shifted(odometry_message(EPOCH, Pose2(0.0, 0.0, 0.0)), ns)] if turn == 9 else [])])
     run.assert_right()
-    assert 'ODOMETRY_CONTRADICTED' not in run.doubts
+    assert 'ODOMETRY_CONTRADICTED' not in run.warnings
 
 
 @pytest.mark.parametrize(('frames', 'words'), [
@@ -192,7 +192,7 @@ def test_odometry_in_kilometres_an_hour_is_contradicted(run):
     run.go(lambda m, turn: [
         placed(m, m.pose.pose.position.x * (3.6 if turn > 8 else 1.0), 3.6 * SPEED)])
     run.assert_right()
-    assert run.complaints or 'ODOMETRY_CONTRADICTED' in run.doubts
+    assert run.complaints or 'ODOMETRY_CONTRADICTED' in run.warnings
 
 
 def test_a_frozen_camera_publishes_nothing_while_odometry_tells_of_motion(run):
@@ -210,9 +210,9 @@ def test_a_frozen_camera_is_noticed_by_the_velocity_alone_and_thawed_by_new_pixe
 
 
 def test_the_same_pixels_while_the_vehicle_stands_are_told_and_localized(run):
-    run.go(lambda message, turn: [standing(message)], show=lambda n: run.drive[0][1])
+    run.go(lambda message, turn: [track_state(message)], show=lambda n: run.drive[0][1])
     assert all(estimate.published for estimate in run.estimates)
-    assert run.doubts == {'REPEATED_IMAGES'}
+    assert run.warnings == {'REPEATED_IMAGES'}
 
 
 @pytest.mark.parametrize('back_ms', [0, 100, 900])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gip_localizer.core.refine.blocks import Blocks
-from gip_localizer.core.refine.least_squares import GEOMETRY, Problem
+from gip_localizer.core.refine.least_squares import GEOMETRY, LeastSquaresProblem
 
 SIDE, UNKNOWNS = 28, 8
 
@@ -16,7 +16,7 @@ SIDE, UNKNOWNS = 28, 8
 def problem(slopes, residual):
     """Return the problem after a fit, with weights of one and no prior."""
     ones, zeros = np.ones(len(residual), np.float32), np.zeros(UNKNOWNS)
-    return Problem(
+    return LeastSquaresProblem(
         instruments=slopes, slopes=slopes, exact=lambda: slopes, scales=np.ones(UNKNOWNS),
         residual=residual, weights=ones, curvature=ones, all_weights=ones, predicted=ones,
         pattern=lambda: ones, gain=1.0, offset=0.0, scale_sq=1.0, telling_scale_sq=1.0,

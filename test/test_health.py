@@ -12,8 +12,8 @@ import pytest
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.pose import Pose2
 from gip_localizer.parameters.integration import Diagnostics
-from gip_localizer.session.diagnostic_rules import CONCERNS, Level, rule_of
-from gip_localizer.session.diagnostics import Health, RECENT
+from gip_localizer.session.diagnostic_rules import DIAGNOSTIC_GROUPS, rule_of, Severity
+from gip_localizer.session.diagnostics import HealthMonitor, RECENT
 
 SECOND = 1_000_000_000
 GOOD = Estimate(SECOND, Status.TRACKING, 'well', Pose2(0.0, 0.0, 0.0), np.eye(3))
@@ -35,7 +35,7 @@ def steady():
 @pytest.fixture
 def health(steady):
     """A node that is well: camera_info, odometry and a localized image have just come."""
-    health = Health(Diagnostics(), steady=steady)
+    health = HealthMonitor(Diagnostics(), steady=steady)
     health.hear({}, {'camera_info': 1, 'odom': 1})
     health.odometry_came()
     health.image_came(SECOND, SECOND)
@@ -47,19 +47,19 @@ def rules(health):
     return {report.rule.name for report in health.reports() if report.rule is not None}
 
 
-def report(health, concern):
-    [found] = [r for r in health.reports() if r.concern.name == concern]
+def report(health, group):
+    [found] = [r for r in health.reports() if r.group.name == group]
     return found
 
 
 def test_all_is_well_where_all_comes(health):
     assert rules(health) == set()
-    assert {r.level for r in health.reports()} == {Level.OK}
+    assert {r.level for r in health.reports()} == {Severity.OK}
     assert report(health, 'output').message == 'OK: TRACKING: well'
 
 
 def test_at_the_start_each_concern_says_what_it_waits_for(steady):
-    fresh = Health(Diagnostics(), steady=steady)
+    fresh = HealthMonitor(Diagnostics(), steady=steady)
     assert rules(fresh) == {'NO_IMAGE_YET', 'NO_CAMERA_INFO_YET', 'WAITING'}
 
 
@@ -68,11 +68,11 @@ def test_each_status_has_a_rule_that_withholds_and_is_named_by_the_output(health
     health.took(Estimate(SECOND, status, 'because'), 5.0)
     found = rule_of(str(status))
     assert found is not None
-    concern, rule = found
+    group, rule = found
     assert rule.withheld
-    assert report(health, concern.name).message == f'{status}: because'
+    assert report(health, group.name).message == f'{status}: because'
     assert report(health, 'output').message == f'WITHHELD: {status}: because'
-    assert report(health, 'output').level is Level.ERROR
+    assert report(health, 'output').level is Severity.ERROR
 
 
 def test_a_silent_camera_is_an_error_and_withholds(health, steady):
@@ -92,7 +92,7 @@ def test_what_is_not_heard_during_a_long_frame_is_not_taken_for_silence(health, 
     assert rules(health) == set()
     steady.now += 1.1
     assert report(health, 'camera').message == (
-        'CLOCK_STANDS: for 1.1 s; is /clock published?; NO_IMAGE: for 1.1 s'
+        'CLOCK_STOPPED: for 1.1 s; is /clock published?; NO_IMAGE: for 1.1 s'
     )
     assert report(health, 'odometry').message == 'ODOMETRY_STALE: none for 1.1 s'
 
@@ -108,12 +108,12 @@ def test_stamps_far_from_the_clock_are_told_but_do_not_withhold(health, delay_s,
 def test_stamps_that_go_back_are_told_for_ten_seconds(health, steady):
     health.image_came(10 * SECOND, 10 * SECOND)
     health.image_came(3 * SECOND, 3 * SECOND)
-    assert report(health, 'camera').level is Level.OK  # a single stamp may be wrong
+    assert report(health, 'camera').level is Severity.OK  # a single stamp may be wrong
     health.time_went_back(7.0)
     assert report(health, 'camera').message == 'TIME_WENT_BACK: by 7.000 s'
     steady.now += 10.5
     health.image_came(4 * SECOND, 4 * SECOND)
-    assert report(health, 'camera').level is Level.OK
+    assert report(health, 'camera').level is Severity.OK
 
 
 def test_a_search_is_told_while_it_lasts(health, steady):
@@ -121,7 +121,7 @@ def test_a_search_is_told_while_it_lasts(health, steady):
     steady.now += 2.0
     assert report(health, 'match').message == 'SEARCHING: for 2.0 s'
     assert report(health, 'output').message == 'WITHHELD: SEARCHING: for 2.0 s'
-    assert report(health, 'camera').level is Level.OK  # images wait
+    assert report(health, 'camera').level is Severity.OK  # images wait
     health.took(Estimate(SECOND, Status.CONFIRMING, 'found'), 2000.0)
     assert not rules(health) & {'SEARCHING', 'NO_IMAGE'}
 
@@ -133,7 +133,7 @@ def test_a_clock_that_stands_is_told_under_simulated_time_only(health, steady):
         steady.now += 1.2
         health.clock_shows(SECOND)
         health.image_came(SECOND + 1, SECOND)
-        assert ('CLOCK_STANDS' in rules(health)) == simulated
+        assert ('CLOCK_STOPPED' in rules(health)) == simulated
 
 
 def test_odometry_that_stops_or_is_refused_is_told(health, steady):
@@ -150,7 +150,7 @@ def test_a_refusal_is_remembered_for_ten_seconds_after_good_messages_follow(heal
     health.hear({}, counts)
     assert report(health, 'prior').message == 'INITIALPOSE_REFUSED: of the moon'
     steady.now += 10.5
-    assert report(health, 'prior').level is Level.OK
+    assert report(health, 'prior').level is Severity.OK
 
 
 def test_slow_is_a_median_above_the_time_between_images(health):
@@ -168,11 +168,11 @@ def test_disabled_outdoes_all_else_on_the_output(health):
 
 def test_figures_are_those_of_the_table(health):
     for found in health.reports():
-        assert set(found.figures) <= set(found.concern.figures)
+        assert set(found.figures) <= set(found.group.figures)
     assert report(health, 'output').figures['availability'] == '1.0000'
     assert report(health, 'camera').figures['frames'] == '1'
 
 
 def test_rule_names_are_unique():
-    names = [str(rule.name) for concern in CONCERNS for rule in concern.rules]
+    names = [str(rule.name) for group in DIAGNOSTIC_GROUPS for rule in group.rules]
     assert len(names) == len(set(names))

@@ -20,9 +20,9 @@ from gip_localizer.core.birdseye.byte_footprints import BLOCK
 from gip_localizer.core.birdseye.footprint_means import FootprintMeans
 from gip_localizer.core.birdseye.footprints import PARTS
 from gip_localizer.core.kernels import library as compiled
+from gip_localizer.core.match import downsampling
 from gip_localizer.core.match import fft as spectra
-from gip_localizer.core.match import joining
-from gip_localizer.core.match.compiled_scores import Comparison, Room
+from gip_localizer.core.match.compiled_scores import Buffer, Comparison
 from gip_localizer.core.match.downsampling import joined
 from gip_localizer.core.match.template_rotation import MARGIN, MOST_SLOPE, Templates
 
@@ -116,7 +116,7 @@ def test_few_sums_equal_the_definition(size):
     found = np.full((1, 2, n_x, n_y), np.nan, np.float32)
     comparison = Comparison(Templates(2, (4, 5)), fields, terms, 0)
     none = np.empty((1, 0), np.float32)
-    comparison.compare([np.eye(2, 3)], [Room(turned)], [True], none, start, found)
+    comparison.compare([np.eye(2, 3)], [Buffer(turned)], [True], none, start, found)
     for sums, term in zip(found[0], terms, strict=True):
         expected = sum((windows[f] * turned[t]).sum(axis=(2, 3)) for t, f in term)
         np.testing.assert_allclose(sums, expected, atol=1e-6 * rows * cols / 12.0)
@@ -125,7 +125,7 @@ def test_few_sums_equal_the_definition(size):
 @needs_kernels
 @pytest.mark.parametrize('start', [(-1, 0), (0, -1), (4, 0), (0, 3)])
 def test_few_sums_read_nothing_beyond_the_fields(start):
-    room, fields = Room(np.zeros((1, 5, 6), np.float32)), np.zeros((1, 10, 11), np.float32)
+    room, fields = Buffer(np.zeros((1, 5, 6), np.float32)), np.zeros((1, 10, 11), np.float32)
     comparison = Comparison(Templates(1, (5, 6)), fields, [((0, 0),)], 0)
     none, sums = np.empty((1, 0), np.float32), np.zeros((1, 1, 3, 4), np.float32)
     with pytest.raises(AssertionError):
@@ -141,7 +141,7 @@ def test_turns_and_their_sums_are_those_of_single_ones(yaws):
     fields = np.random.default_rng(7).random((1, 30, 29), np.float32)
     affines = [np.array([[np.cos(a), -np.sin(a), 3.0], [np.sin(a), np.cos(a), 2.0]]) for a in yaws]
     comparison = Comparison(templates, fields, [((2, 0),), ((0, 0), (1, 0))], 2)
-    room = Room(np.empty((3, 25, 22), np.float32))
+    room = Buffer(np.empty((3, 25, 22), np.float32))
     sums, totals = comparison.sums_in(room, affines, (4, 5))
     windows = sliding_window_view(fields[0], (25, 22))[:4, :5]
     for k, affine in enumerate(affines):
@@ -231,7 +231,7 @@ def test_joined_cells_equal_the_definition(corner, shape, factor, smooth, replic
 @pytest.mark.parametrize('factor', [2, 3, 4])
 @pytest.mark.parametrize('replicate', [False, True])
 def test_cells_are_joined_without_the_loop_too(corner, shape, factor, replicate, monkeypatch):
-    monkeypatch.setattr(joining, 'AVAILABLE', False)
+    monkeypatch.setattr(downsampling, 'AVAILABLE', False)
     values = np.random.default_rng(5).random((31, 27), np.float32)
     found = joined(values, factor, shape, corner=corner, replicate=replicate)
     expected = by_definition(values, factor, shape, corner, False, replicate)

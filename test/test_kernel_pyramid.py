@@ -17,7 +17,7 @@ from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.match.lattice import make_canvas, make_lattice, map_window, widened
 from gip_localizer.core.match.pyramid.coarse_to_fine import exhaustive_winner, pyramid_winner
 from gip_localizer.core.match.pyramid.level import Level
-from gip_localizer.core.match.pyramid.local_scores import Probe
+from gip_localizer.core.match.pyramid.local_scores import LocalScores
 from gip_localizer.core.match.score_surface import match
 from gip_localizer.core.pose import Pose2
 
@@ -62,7 +62,7 @@ def test_the_best_of_all_is_that_of_the_score_surface(normalized, hole):
         scores = match(view, WEIGHT, known, case.lattice, normalized=normalized, **RULE)
         assert found.index == scores.best()
         assert found.residual == pytest.approx(scores.residual.min(), rel=1e-4)
-    probe = Probe(case, normalized=normalized, **RULE)
+    probe = LocalScores(case, normalized=normalized, **RULE)
     probe.score([found.index])
     assert probe.known[found.index] == pytest.approx(found.residual, rel=1e-4)
 
@@ -93,7 +93,7 @@ def test_what_comes_back_has_no_better_neighbour_even_in_noise():
     for seed in range(5):
         case = level(seed, noise=0.8)
         found = pyramid_winner(case, normalized=False, **RULE)
-        probe = Probe(case, normalized=False, **RULE)
+        probe = LocalScores(case, normalized=False, **RULE)
         best = probe.known[probe.best_about(found.index)]
         assert probe.known[found.index] <= (1.0 + TIE) * best
 

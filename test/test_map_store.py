@@ -16,7 +16,7 @@ from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.search.map_crops import MapCrops
-from gip_localizer.core.search.window import Extent
+from gip_localizer.core.search.window import SearchWindow
 from gip_localizer.io import map_cache as map_store
 from gip_localizer.io.map_files import load_map, save_map
 
@@ -147,5 +147,5 @@ def test_the_part_about_a_place_leaves_the_rest_on_disk(tmp_path, store):
     before = process.memory_info().rss
     assert raster_map.grey.max() > 0  # the whole map is mapped
     middle = raster_map.origin @ Pose2(0.5 * raster_map.size_m[0], 0.5 * raster_map.size_m[1], 0.0)
-    assert crops.about(grid, middle, Extent(1.0, 1.0, 0.1, 0.05, 0.5), 0.1) is not None
+    assert crops.about(grid, middle, SearchWindow(1.0, 1.0, 0.1, 0.05, 0.5), 0.1) is not None
     assert process.memory_info().rss - before < 0.4 * raster_map.grey.size

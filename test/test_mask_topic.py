@@ -144,7 +144,7 @@ def test_what_a_mask_message_hides_carries_no_weight(road, scene, encoding):
     truth, _, mask = scene
     frontend, estimate = localized(road, scene, message(mask, encoding))
     assert_right(estimate, truth)
-    assert not frontend.doubts
+    assert not frontend.warnings
     _, unmasked = localized(road, scene, None, 'none came')
     assert (estimate.match.weight == 0).sum() > (unmasked.match.weight == 0).sum() + 100
 
@@ -178,7 +178,7 @@ def bad_masks(mask):
 def test_a_bad_mask_is_named_and_the_estimate_unharmed(road, scene, word, required):
     frontend, estimate = localized(road, scene, bad_masks(scene[2])[word],
                                    mask__required=required)
-    assert word in frontend.doubts['MASK_REFUSED']
+    assert word in frontend.warnings['MASK_REFUSED']
     assert frontend.counts['mask_refused'] == 1
     if required:
         assert estimate.status is Status.NO_MASK
@@ -193,7 +193,7 @@ def test_a_bad_mask_is_named_and_the_estimate_unharmed(road, scene, word, requir
 @pytest.mark.parametrize('required', [False, True])
 def test_a_missing_mask_is_named(road, scene, required):
     frontend, estimate = localized(road, scene, None, 'no mask within', mask__required=required)
-    assert frontend.doubts == {'MASK_MISSING': 'no mask within'}
+    assert frontend.warnings == {'MASK_MISSING': 'no mask within'}
     assert (estimate.status is Status.NO_MASK) == required
     assert estimate.published != required
 

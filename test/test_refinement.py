@@ -126,13 +126,13 @@ def test_in_even_light_uneven_light_changes_little(road):
     image = road.frame(CAMERA, truth)
     even, uneven = (fit(road, image, truth @ STARTS[0], uneven=uneven) for uneven in (False, True))
     assert_near(uneven.pose, even.pose, xy=0.003, yaw=3e-4)
-    assert uneven.merit < even.merit + 0.1
+    assert uneven.fit_score < even.fit_score + 0.1
 
 
 def test_light_makes_no_match_of_another_place(road):
     image = shadowed(road.frame(CAMERA, road.pose(0.1)))
     found = fit(road, image, road.pose(0.35), uneven=True)
-    assert found.merit < 0.3
+    assert found.fit_score < 0.3
 
 
 def test_another_place_does_not_look_like_a_match(road):

@@ -16,7 +16,7 @@ from ros_scene import *  # noqa: F403 - fixtures and the world
 from ros_scene import camera_info, parameters, SECOND, START
 
 from gip_localizer.core.estimate import Status
-from gip_localizer.core.guard import survived
+from gip_localizer.core.guard import run_guarded
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.threads import WorkEndedError
 from gip_localizer.parameters import Parameters
@@ -89,4 +89,4 @@ def test_the_end_of_the_process_is_no_fault():
         raise WorkEndedError
 
     with pytest.raises(WorkEndedError):
-        survived(ended, SECOND, pytest.fail)
+        run_guarded(ended, SECOND, pytest.fail)

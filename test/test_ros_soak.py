@@ -29,7 +29,7 @@ from sensor_msgs.msg import Image
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.io.messages import planar_pose
 from gip_localizer.ros.conversions import header_of, mono8, pose_of
-from gip_localizer.session.diagnostic_rules import CONCERNS
+from gip_localizer.session.diagnostic_rules import DIAGNOSTIC_GROUPS
 
 pytestmark = pytest.mark.ros
 LENGTH = float(os.environ.get('GIP_SOAK', '12'))
@@ -130,7 +130,7 @@ class Trouble:
         self.tester.poses.clear()
         self.tester.with_covariance.clear()
         assert self.tester.diagnostics
-        assert len(self.tester.diagnostics[-1].status) == len(CONCERNS)
+        assert len(self.tester.diagnostics[-1].status) == len(DIAGNOSTIC_GROUPS)
         del self.tester.diagnostics[:-1]
 
     def summary(self, sizes):

@@ -41,7 +41,7 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.parameters import load_parameter_file
 from gip_localizer.parameters.spec import dump_ros_yaml
 from gip_localizer.ros.conversions import header_of, pose_of, time_of
-from gip_localizer.session.diagnostic_rules import CONCERNS
+from gip_localizer.session.diagnostic_rules import DIAGNOSTIC_GROUPS
 
 CONFIG = Path(__file__).parents[1] / 'config'
 pytestmark = pytest.mark.ros
@@ -67,13 +67,13 @@ def odometry(stamp_ns, pose, child='base_link'):
 def test_every_concern_has_its_status_with_the_figures_of_the_table(tester, localizer, render):
     localized(tester, frames(render(START)), localizer)
     tester.until(lambda: tester.said('output', 'OK: TRACKING'), 'diagnostics of the pose')
-    for concern in CONCERNS:
-        status = tester.status(concern.name)
+    for group in DIAGNOSTIC_GROUPS:
+        status = tester.status(group.name)
         keys = [value.key for value in status.values]
-        assert set(keys) <= set(concern.figures)
+        assert set(keys) <= set(group.figures)
         assert len(keys) == len(set(keys))
     keys = {value.key for value in tester.status('match').values}
-    assert keys == set(next(c.figures for c in CONCERNS if c.name == 'match'))
+    assert keys == set(next(c.figures for c in DIAGNOSTIC_GROUPS if c.name == 'match'))
 
 
 def test_a_camera_that_falls_silent_is_told_by_name(tester, localizer, render):
@@ -347,7 +347,7 @@ def test_simulated_time_stands_goes_on_and_goes_back(nodes, tester, map_file, re
 
     pose = localized(tester, at(5000), process)
     assert pose.header.stamp.sec == 5000
-    tester.until(lambda: tester.said('camera', 'CLOCK_STANDS'), 'a report of the standing clock')
+    tester.until(lambda: tester.said('camera', 'CLOCK_STOPPED'), 'a report of the stopped clock')
     # The bag begins again: the belief starts anew, from the parameters.
     tester.poses.clear()
     pose = localized(tester, at(1000), process)
@@ -358,9 +358,9 @@ def test_simulated_time_stands_goes_on_and_goes_back(nodes, tester, map_file, re
 
 def test_a_clock_that_stands_is_told_where_simulated_time_was_set_later(tester, localizer):
     assert tester.set('use_sim_time', True).successful
-    tester.until(lambda: tester.said('camera', 'CLOCK_STANDS'), 'a report of the standing clock')
+    tester.until(lambda: tester.said('camera', 'CLOCK_STOPPED'), 'a report of the stopped clock')
     assert tester.set('use_sim_time', False).successful
-    tester.until(lambda: not tester.said('camera', 'CLOCK_STANDS'), 'its end')
+    tester.until(lambda: not tester.said('camera', 'CLOCK_STOPPED'), 'its end')
 
 
 def test_frames_late_and_of_the_future_are_told_and_keep_their_stamps(

@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     """Build the map, write it, print the table."""
     from gip_localizer.cli.settings import ctrl_c, recorded_parameters
     from gip_localizer.io.bags.bag import Bag
-    from gip_localizer.io.bags.window import Window
+    from gip_localizer.io.bags.window import BagWindow
     from gip_localizer.io.map_files import save_map
     from gip_localizer.io.output_folder import check_file
     from gip_localizer.mapping.mapped_drive import MappedDrive
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
     parameters = recorded_parameters(args)
     resolution = parameters.birdseye.resolution if args.resolution is None else args.resolution
     settings = MapSettings(resolution, args.every, args.max_gap,
-                           Window(args.start, args.duration))
+                           BagWindow(args.start, args.duration))
     bag = Bag(args.bag)
     topics, poses, notes = _poses(args, bag, parameters)
     drive = MappedDrive(bag, topics, parameters, poses, settings)

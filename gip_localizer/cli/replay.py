@@ -68,13 +68,13 @@ def run(args: argparse.Namespace) -> int:
     from gip_localizer.evaluation.replay import Replay
     from gip_localizer.evaluation.results import check_output, write_results
     from gip_localizer.io.bags.topics import TRUTH
-    from gip_localizer.io.bags.window import Window
+    from gip_localizer.io.bags.window import BagWindow
     from gip_localizer.io.map_files import load_map
 
     check_output(args.out, args.force)
     if args.params is None:
         args.params = beside(args.bag, 'params.yaml')
-    window = Window(args.start, args.duration)
+    window = BagWindow(args.start, args.duration)
     bag, topics, truth, notes = _open(args)
     parameters = _parameters(args, truth)
     replay = Replay(bag, topics, load_map(parameters.map_file), parameters, truth)

@@ -10,7 +10,7 @@ from gip_localizer.core.refine.refiner import Refiner
 from gip_localizer.parameters import Parameters
 
 
-class Optics:
+class CalibratedView:
     """
     Rectifier and refiner of a camera, and the gain that its last match showed (None: no match).
 

@@ -11,7 +11,7 @@ from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.threads import check_end, WorkEndedError
 
 
-def survived(
+def run_guarded(
     work: Callable[[], Estimate], stamp_ns: int, log: Callable[[str], object]
 ) -> Estimate:
     """

@@ -6,7 +6,7 @@ Whether a match is believed, and the figures that decide it.
 No single score of a match tells a wrong place from a poor one: lines alone correlate well a lamp
 post further on, and a crowded road poorly at the right place. How far a match is ahead of the best
 one elsewhere tells them apart: by the share of the road that agrees and how much likelier the map
-makes it (`Fit.merit`), less what another place reaches of both. With how far the whole view
+makes it (`Fit.fit_score`), less what another place reaches of both. With how far the whole view
 correlates beyond chance it gives the confidence, by a logistic regression over rendered frames at
 right and wrong places, on rich and poor texture, behind cars, by day and night, with exact and
 noisy maps. Other figures of a match told no more beside these two.
@@ -25,21 +25,21 @@ from gip_localizer.core.estimate import Match, Status
 from gip_localizer.core.match.posterior import independent_cells
 from gip_localizer.core.pose import difference
 from gip_localizer.core.refine.fit import Fit, SAME_PLACE
-from gip_localizer.core.search.local_search import Found
+from gip_localizer.core.search.local_search import SearchResult
 from gip_localizer.parameters import CameraMotion, Parameters
 
 TIGHT_XY, TIGHT_YAW = 0.15, 0.03  # m, rad: standard deviations of a prior that may vouch
 CONFIDENCE_OFFSET = 6.1
-CONFIDENCE_LEAD = 3.3  # per natural logarithm of the lead over the best other place
+CONFIDENCE_MARGIN = 3.3  # per natural logarithm of the margin over the best other place
 CONFIDENCE_SIGNIFICANCE = 3.4  # per natural logarithm
-LEAST_LEAD = 0.01
-FIRST_LEAD = 0.384  # that a match which no earlier fix vouches for must have
-FAR_AHEAD = 1.0  # lead from which the lattice is not asked, which is blind between its cells
+LEAST_MARGIN = 0.01
+FIRST_MARGIN = 0.384  # that a match which no earlier fix vouches for must have
+FAR_AHEAD = 1.0  # margin from which the lattice is not asked, which is blind between its cells
 SIGNIFICANT = 20.0  # standard deviations of chance correlation, beyond which they tell no more
 MOST_OVERDISPERSION = 4.5  # from which the parts of the view contradict each other
 VAGUE = (1.2, 0.3)  # overdispersion, cells of standard deviation: no right match exceeds both
-MOST_SWAY = 10.0  # of camera_motion's standard deviations, from which a match is made to fit
-MOST_RIVAL = 0.73  # likeness of a match at another place from which neither is believed
+MOST_SUSPENSION = 10.0  # of camera_motion's standard deviations, from which a match is made to fit
+MOST_COMPETITOR = 0.73  # likeness of a match at another place from which neither is believed
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,14 +52,14 @@ class Verdict:
     quality: dict[str, float] = field(default_factory=dict)
 
 
-def confidence(lead: float, lattice_correlation: float, cells: float) -> float:
+def confidence(margin: float, lattice_correlation: float, cells: float) -> float:
     """
     Probability that a match is at the right place.
 
     Parameters
     ----------
-    lead : float
-        Merit of the match (`Fit.merit`), less the share of it that another place reaches.
+    margin : float
+        Merit of the match (`Fit.fit_score`), less the share of it that another place reaches.
     lattice_correlation : float
         Of the whole view with the map, at the best candidate of the lattice.
     cells : float
@@ -68,14 +68,15 @@ def confidence(lead: float, lattice_correlation: float, cells: float) -> float:
     """
     significance = max(lattice_correlation, 0.01) * math.sqrt(cells) / SIGNIFICANT
     evidence = (
-        CONFIDENCE_OFFSET + CONFIDENCE_LEAD * math.log(min(max(lead, LEAST_LEAD), 1.0))
+        CONFIDENCE_OFFSET + CONFIDENCE_MARGIN * math.log(min(max(margin, LEAST_MARGIN), 1.0))
         + CONFIDENCE_SIGNIFICANCE * math.log(min(significance, 1.0))
     )
     return 1.0 / (1.0 + math.exp(-evidence))
 
 
 def judge(
-    match: Match, found: Found | None, parameters: Parameters, *, prior: Belief | None = None
+    match: Match, found: SearchResult | None, parameters: Parameters, *,
+    prior: Belief | None = None,
 ) -> Verdict:
     """
     Judge one search.
@@ -84,7 +85,7 @@ def judge(
     ----------
     match : Match
         View and weights of the frame.
-    found : Found or None
+    found : SearchResult or None
         Outcome of the search; None where there was nothing to search.
     parameters : Parameters
         The limits.
@@ -142,7 +143,7 @@ def _agrees(fit: Fit, prior: Belief) -> bool:
     return bool(np.all(gap < 3.0 * sigma + np.array([0.05, 0.05, 0.01])))
 
 
-def _rival(found: Found, fit: Fit) -> float:
+def _competitor(found: SearchResult, fit: Fit) -> float:
     """Likeness of the best other place: as much agrees, and no worse (1: cannot be told apart)."""
     others = [
         other for other in found.fits[1:]
@@ -150,21 +151,21 @@ def _rival(found: Found, fit: Fit) -> float:
     ]
     unexplained = fit.residual / fit.gain**2
     return max((
-        min(other.merit / max(fit.merit, 1e-9),
+        min(other.fit_score / max(fit.fit_score, 1e-9),
             unexplained / max(other.residual / other.gain**2, 1e-12))
         for other in others
     ), default=0.0)
 
 
-def _figures(found: Found, fit: Fit, cells: float) -> dict[str, float]:
+def _figures(found: SearchResult, fit: Fit, cells: float) -> dict[str, float]:
     assert found.surface is not None
     sigma = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     lattice = float(found.scores.correlation[found.surface.winner])
-    rival = _rival(found, fit)
-    lead = fit.merit * max(1.0 - rival, 0.0)
+    competitor = _competitor(found, fit)
+    margin = fit.fit_score * max(1.0 - competitor, 0.0)
     return {
-        'confidence': confidence(lead, lattice, cells),
-        'lead': lead,
+        'confidence': confidence(margin, lattice, cells),
+        'margin': margin,
         'correlation': fit.correlation,
         'overlap': fit.overlap,
         'agreement': fit.agreement,
@@ -174,7 +175,7 @@ def _figures(found: Found, fit: Fit, cells: float) -> dict[str, float]:
         'winner_mass': found.surface.winner_mass,
         'second_ratio': found.surface.second_ratio,
         'lattice_correlation': lattice,
-        'rival': rival,
+        'competitor': competitor,
         'entropy': found.surface.entropy,
         'sigma_ahead_m': float(sigma[0]),
         'sigma_left_m': float(sigma[1]),
@@ -194,28 +195,28 @@ def _decide(
     least = getattr(limits, name)
     if not fit.converged:
         return Status.NO_MATCH, 'the refinement did not converge'
-    unrivalled = confidence(fit.merit, quality['lattice_correlation'], cells) >= least
-    if quality['rival'] > MOST_RIVAL and unrivalled:
+    unmatched = confidence(fit.fit_score, quality['lattice_correlation'], cells) >= least
+    if quality['competitor'] > MOST_COMPETITOR and unmatched:
         return Status.AMBIGUOUS, (
-            f'another place in the window matches as well (likeness {quality["rival"]:.2f}, '
-            f'limit {MOST_RIVAL:g})'
+            f'another place in the window matches as well (likeness {quality["competitor"]:.2f}, '
+            f'limit {MOST_COMPETITOR:g})'
         )
     if not quality['confidence'] >= least:
         return Status.NO_MATCH, (
             f'confidence {quality["confidence"]:.2f} is below integrity.{name} {least:g} '
-            f'(lead over other places {quality["lead"]:.2f}, correlation of the view '
+            f'(margin over other places {quality["margin"]:.2f}, correlation of the view '
             f'{quality["lattice_correlation"]:.2f}, {fit.agreement:.0%} of the road agrees)'
         )
-    if not expected and quality['lead'] < FIRST_LEAD:
+    if not expected and quality['margin'] < FIRST_MARGIN:
         return Status.NO_MATCH, (
-            f'a first match must be farther ahead of other places: lead {quality["lead"]:.2f}, '
-            f'limit {FIRST_LEAD:g}'
+            'a first match must be farther ahead of other places: margin '
+            f'{quality["margin"]:.2f}, limit {FIRST_MARGIN:g}'
         )
     if fit.overlap < parameters.score.min_overlap:
         return Status.LOW_OVERLAP, (
             f'only {fit.overlap:.0%} of the view lies on known map cells'
         )
-    if quality['winner_mass'] < limits.min_winner_mass and quality['lead'] < FAR_AHEAD:
+    if quality['winner_mass'] < limits.min_winner_mass and quality['margin'] < FAR_AHEAD:
         return Status.AMBIGUOUS, (
             f'the best mode holds {quality["winner_mass"]:.0%} of the probability, below '
             f'integrity.min_winner_mass {limits.min_winner_mass:.0%}'
@@ -229,7 +230,7 @@ def _decide(
     return Status.TRACKING, f'confidence {quality["confidence"]:.2f}, sigma {sigma_xy:.4f} m'
 
 
-def _oddity(found: Found, motion: CameraMotion) -> str | None:
+def _oddity(found: SearchResult, motion: CameraMotion) -> str | None:
     """Say what speaks against a match that no earlier fix vouches for."""
     fit = found.fits[0]
     if fit.overdispersion > MOST_OVERDISPERSION:
@@ -249,15 +250,15 @@ def _oddity(found: Found, motion: CameraMotion) -> str | None:
             f'the match lies {found.beyond:.2f} m outside the window that was searched: the prior '
             'is off; give it a larger covariance, or widen search.x and search.y'
         )
-    return _swayed_too_far(fit, motion)
+    return _moved_too_far(fit, motion)
 
 
-def _swayed_too_far(fit: Fit, motion: CameraMotion) -> str | None:
+def _moved_too_far(fit: Fit, motion: CameraMotion) -> str | None:
     """Say so where the match needs the camera to stand far from its calibration."""
     sigmas = {'sigma_pitch': motion.sigma_pitch, 'sigma_roll': motion.sigma_roll,
               'sigma_height': motion.sigma_height}
     for (name, sigma), moved in zip(sigmas.items(), fit.camera_motion, strict=True):
-        if sigma > 0.0 and abs(moved) > MOST_SWAY * sigma:
+        if sigma > 0.0 and abs(moved) > MOST_SUSPENSION * sigma:
             return (
                 f'the view fits the map only with the camera {moved:+.4f} off its calibrated '
                 f'{name.removeprefix("sigma_")}, {abs(moved) / sigma:.0f} times camera_motion.'

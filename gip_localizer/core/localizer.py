@@ -21,7 +21,7 @@ from gip_localizer.core.arrays import Floats, Grey
 from gip_localizer.core.belief import Belief, checked_prior
 from gip_localizer.core.birdseye.pixel_noise import estimate_pixel_noise
 from gip_localizer.core.birdseye.rectifier import View
-from gip_localizer.core.calibrated_view import Optics
+from gip_localizer.core.calibrated_view import CalibratedView
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.estimate import Estimate, Match, Status
 from gip_localizer.core.gramian import gramian, most_gain
@@ -30,12 +30,12 @@ from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.map.resampling import contrast
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.search.frame_search import FrameSearch
-from gip_localizer.core.search.local_search import Found
+from gip_localizer.core.search.local_search import SearchResult
 from gip_localizer.core.search.map_crops import MapCrops
 from gip_localizer.core.track.odometry import OdometrySample
-from gip_localizer.core.track.pose_filter import Known, Tracker
-from gip_localizer.core.track.stamp_check import FrameOrder
-from gip_localizer.core.track.track_state import Standing
+from gip_localizer.core.track.pose_filter import FilterState, PoseFilter
+from gip_localizer.core.track.stamp_check import StampCheck
+from gip_localizer.core.track.track_state import TrackState
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Parameters
 
@@ -59,22 +59,22 @@ class Localizer:
         self.raster_map = raster_map
         self._crops = MapCrops(raster_map)
         self.parameters = parameters
-        self.tracker = Tracker(parameters.motion)
-        self.standing = Standing(parameters)
-        self._order = FrameOrder()
-        self._before_hop = Known()
+        self.pose_filter = PoseFilter(parameters.motion)
+        self.track_state = TrackState(parameters)
+        self._order = StampCheck()
+        self._before_hop = FilterState()
         self._gain = 1.0  # of the frame
-        self._optics: Optics | None = None
+        self._calibrated_view: CalibratedView | None = None
         self._timings: dict[str, float] = {}
         self._start()
 
     def _start(self) -> None:
         pose = self.parameters.initial_pose
-        self.tracker.reset(None)
-        self.standing.started()
+        self.pose_filter.reset(None)
+        self.track_state.started()
         if pose.set:
             covariance = np.diag([pose.sigma_xy**2, pose.sigma_xy**2, pose.sigma_yaw**2])
-            self.tracker.reset(Belief(NOW, Pose2(pose.x, pose.y, pose.yaw), covariance))
+            self.pose_filter.reset(Belief(NOW, Pose2(pose.x, pose.y, pose.yaw), covariance))
 
     @property
     def went_back(self) -> float:
@@ -84,13 +84,13 @@ class Localizer:
     @property
     def lost(self) -> bool:
         """Whether too many frames in a row gave no fix."""
-        return self.standing.lost
+        return self.track_state.lost
 
     def configure(self, parameters: Parameters) -> None:
         """Take new parameters from the next frame on; the belief stays."""
         self.parameters = parameters
-        self.tracker.configure(parameters.motion)
-        self.standing.configure(parameters)
+        self.pose_filter.configure(parameters.motion)
+        self.track_state.configure(parameters)
 
     def set_prior(self, stamp_ns: int, pose: Pose2, covariance: Floats) -> None:
         """
@@ -114,12 +114,12 @@ class Localizer:
         """
         if self._order.is_long_past(stamp_ns):
             stamp_ns = NOW
-        self.tracker.reset(checked_prior(stamp_ns or NOW, pose, covariance))
-        self.standing.started()
-        self.standing.wanted = False
-        self._order = FrameOrder()
-        if self._optics is not None:
-            self._optics.gain = None
+        self.pose_filter.reset(checked_prior(stamp_ns or NOW, pose, covariance))
+        self.track_state.started()
+        self.track_state.wanted = False
+        self._order = StampCheck()
+        if self._calibrated_view is not None:
+            self._calibrated_view.gain = None
 
     def prepare(self, camera: CameraModel) -> None:
         """Precompute what a camera needs before its first frame, which tells what is wrong."""
@@ -127,15 +127,15 @@ class Localizer:
 
     def add_odometry(self, sample: OdometrySample) -> bool:
         """Take an odometry sample; False where it is refused."""
-        return self.tracker.odometry.add(sample)
+        return self.pose_filter.odometry.add(sample)
 
     def relocalize(self) -> None:
         """Search the whole map from the next frame on, until the place is found."""
-        self.standing.search()
+        self.track_state.search()
 
     def searches(self, stamp_ns: int) -> bool:
         """Tell whether `update` would search the whole map for a frame, which takes seconds."""
-        return self.standing.search_due(stamp_ns)
+        return self.track_state.search_due(stamp_ns)
 
     def update(
         self, stamp_ns: int, image: Grey, camera: CameraModel, *, mask: Grey | None = None
@@ -168,17 +168,17 @@ class Localizer:
         if refused is not None:
             return refused
         prior = self._prior(stamp_ns)
-        search_map = self.standing.search_due(stamp_ns)
+        search_map = self.track_state.search_due(stamp_ns)
         if prior is None and not search_map:
             return self._waiting(stamp_ns)
 
         with self._stage('birdseye'):  # 1 mean per cell
-            view = self._optics_now.rectifier.rectify(image)
+            view = self._calibrated_view_now.rectifier.rectify(image)
 
         with self._stage('gramian'):  # 2 weight per cell
             weight = self._weigh(view, image)
             if mask is not None:
-                weight = weight * self._optics_now.rectifier.unmasked(mask)
+                weight = weight * self._calibrated_view_now.rectifier.unmasked(mask)
 
         with self._stage('match'):  # 3 score per candidate, best modes refined
             match = Match(view, weight)
@@ -205,39 +205,40 @@ class Localizer:
         if fault:
             return self._silent(stamp_ns, Status.OUT_OF_ORDER, fault)
         if self._order.hopped:
-            self._before_hop = self.tracker.known
+            self._before_hop = self.pose_filter.known
         elif self._order.returned:
-            self.tracker.known = self._before_hop
+            self.pose_filter.known = self._before_hop
         elif self._order.went_back:
             self._start()
-            self.tracker.odometry.clear()
+            self.pose_filter.odometry.clear()
         return None
 
     def _prepare(self, stamp_ns: int, camera: CameraModel) -> Estimate | None:
         try:
             with self._stage('calibrate'):
-                if self._optics is None or not self._optics.serves(camera, self.parameters):
-                    self._optics = Optics(camera, self.parameters)
+                view = self._calibrated_view
+                if view is None or not view.serves(camera, self.parameters):
+                    self._calibrated_view = CalibratedView(camera, self.parameters)
         except CalibrationError as error:
-            self._optics = None
+            self._calibrated_view = None
             return self._silent(stamp_ns, Status.NO_ROAD_IN_VIEW, str(error))
         return None
 
     @property
-    def _optics_now(self) -> Optics:
-        assert self._optics is not None
-        return self._optics
+    def _calibrated_view_now(self) -> CalibratedView:
+        assert self._calibrated_view is not None
+        return self._calibrated_view
 
     def _prior(self, stamp_ns: int) -> Belief | None:
-        belief = self.tracker.belief
+        belief = self.pose_filter.belief
         if belief is not None and (belief.stamp_ns == NOW or belief.stamp_ns > stamp_ns):
-            self.tracker.belief = replace(belief, stamp_ns=stamp_ns)
-        return self.tracker.predict(stamp_ns)
+            self.pose_filter.belief = replace(belief, stamp_ns=stamp_ns)
+        return self.pose_filter.predict(stamp_ns)
 
     def _weigh(self, view: View, image: Grey) -> Floats:
         score = self.parameters.score
         noise = score.pixel_noise or estimate_pixel_noise(image)
-        self._gain = self._optics_now.gain or most_gain(
+        self._gain = self._calibrated_view_now.gain or most_gain(
             view.patch, view.footprint, pixel_noise=noise, map_contrast=self._map_contrast
         )
         weight = gramian(view.footprint, pixel_noise=noise, map_noise=self._map_noise)
@@ -247,17 +248,17 @@ class Localizer:
 
     def _search(
         self, stamp_ns: int, match: Match, prior: Belief | None, *, everywhere: bool
-    ) -> tuple[Found | None, Verdict]:
+    ) -> tuple[SearchResult | None, Verdict]:
         """Search about the prior, or everywhere, and judge; no earlier fix vouches for a first."""
-        vouching = prior if self.standing.confirmed else None
+        vouching = prior if self.track_state.confirmed else None
         judged = partial(judge, match, parameters=self.parameters, prior=vouching)
         if match.contrast < self.parameters.integrity.min_contrast:
             return None, judged(None)
         search = FrameSearch(
-            match, self._crops, self._optics_now.refiner, self.parameters, self._map_noise
+            match, self._crops, self._calibrated_view_now.refiner, self.parameters, self._map_noise
         )
         if everywhere or prior is None:
-            self.standing.searched(stamp_ns)
+            self.track_state.searched(stamp_ns)
             found = search.everywhere(stamp_ns)
             return found, judged(found)
         if vouching is not None:
@@ -265,7 +266,7 @@ class Localizer:
             verdict = judged(near)
             if verdict.status is Status.TRACKING:
                 return near, verdict
-        found = search.about(prior, fresh=self.standing.fresh)
+        found = search.about(prior, fresh=self.track_state.fresh)
         return found, judged(found)
 
     @cached_property
@@ -279,7 +280,7 @@ class Localizer:
         return score.map_noise * (self._gain if score.normalized else 1.0)
 
     def _waiting(self, stamp_ns: int) -> Estimate:
-        if self.standing.wanted:
+        if self.track_state.wanted:
             return self._silent(stamp_ns, Status.LOST, (
                 'not found on the map; the next search is due recovery.period '
                 f'{self.parameters.recovery.period:g} s after the last'
@@ -289,22 +290,22 @@ class Localizer:
         ))
 
     def _conclude(
-        self, stamp_ns: int, match: Match, found: Found | None, verdict: Verdict,
+        self, stamp_ns: int, match: Match, found: SearchResult | None, verdict: Verdict,
         prior: Belief | None,
     ) -> Estimate:
         fit = verdict.fit
         match = replace(match, scores=found.scores if found else None, fit=fit)
         if verdict.status is not Status.TRACKING or fit is None:
             return self._missed(stamp_ns, verdict, match, prior)
-        self._optics_now.gain = fit.gain
+        self._calibrated_view_now.gain = fit.gain
         belief = Belief(stamp_ns, fit.pose, fit.covariance_in_map)
-        new_place = self.standing.new_place(stamp_ns) or self._contradicts(prior, belief)
-        self.standing.fixed(new_place=new_place)
+        new_place = self.track_state.new_place(stamp_ns) or self._contradicts(prior, belief)
+        self.track_state.fixed(new_place=new_place)
         if new_place:
-            self.tracker.begin(belief)
+            self.pose_filter.begin(belief)
         elif prior is not None:
-            belief = self.tracker.correct(prior, belief, fuse=self.parameters.motion.fuse)
-        wanted = self.standing.unconfirmed
+            belief = self.pose_filter.correct(prior, belief, fuse=self.parameters.motion.fuse)
+        wanted = self.track_state.unconfirmed
         if wanted > 0:
             verdict = Verdict(Status.CONFIRMING, (
                 f'found on the map; {wanted} more agreeing frames are needed'
@@ -314,19 +315,19 @@ class Localizer:
 
     def _contradicts(self, prior: Belief | None, found: Belief) -> bool:
         """Whether a match is not where a vehicle can be that was at the place to be confirmed."""
-        if self.standing.unconfirmed == 0 or prior is None:
+        if self.track_state.unconfirmed == 0 or prior is None:
             return False
-        return not self.tracker.follows(prior, found)
+        return not self.pose_filter.follows(prior, found)
 
     def _missed(
         self, stamp_ns: int, verdict: Verdict, match: Match, prior: Belief | None
     ) -> Estimate:
-        self.standing.missed()
+        self.track_state.missed()
         if prior is not None:
-            self.tracker.miss(prior)
-        if self.standing.lost:
+            self.pose_filter.miss(prior)
+        if self.track_state.lost:
             verdict = Verdict(Status.LOST, (
-                f'{self.standing.misses} frames without a fix; last: {verdict.status}, '
+                f'{self.track_state.misses} frames without a fix; last: {verdict.status}, '
                 f'{verdict.reason}'
             ), verdict.fit, verdict.quality)
         return self._estimate(stamp_ns, verdict, match, None)

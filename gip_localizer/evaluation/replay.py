@@ -26,7 +26,7 @@ from gip_localizer.evaluation.worst_frames import WorstFrames
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.sources import BagMessage
 from gip_localizer.io.bags.topics import IMAGES, ODOMETRY, Topics
-from gip_localizer.io.bags.window import Window
+from gip_localizer.io.bags.window import BagWindow
 from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.trajectory import Trajectory
 from gip_localizer.parameters import Parameters
@@ -72,7 +72,7 @@ class Replay:
         self._frontend = Frontend(self.raster_map, self.parameters)
         self._worst = WorstFrames(self.truth, self.raster_map)
         self._complaints: dict[str, str] = {}
-        self._doubts: dict[str, tuple[int, str]] = {}
+        self._warnings: dict[str, tuple[int, str]] = {}
         self._notes: list[str] = []
         self._pairing = None
         if self.topics.mask is not None:
@@ -80,13 +80,13 @@ class Replay:
         self._seconds = 0.0
         self._complete = False
 
-    def run(self, window: Window, on_frame: Callable[[Estimate], None]) -> None:
+    def run(self, window: BagWindow, on_frame: Callable[[Estimate], None]) -> None:
         """
         Replay; Ctrl-C ends it early, and `result` then says so.
 
         Parameters
         ----------
-        window : Window
+        window : BagWindow
             Part of the bag.
         on_frame : callable
             Told each estimate.
@@ -117,7 +117,7 @@ class Replay:
                 'for; see --start and --duration' + ''.join(f'\n  {n}' for n in self.bag.notes)
             )
 
-    def _calibrate(self, window: Window) -> None:
+    def _calibrate(self, window: BagWindow) -> None:
         """Take the bag's first CameraInfo where the first image would come without one."""
         start, stop = window.log_times(self.bag)
         image = next(self.bag.messages([self.topics.image.name], start, stop), None)
@@ -188,9 +188,9 @@ class Replay:
         else:
             estimate = self._frontend.on_image(message, masked)
             self._worst.add(lambda: _or_none(grey_image, message), estimate)
-        for rule, detail in self._frontend.doubts.items():
-            times, first = self._doubts.get(rule, (0, detail))
-            self._doubts[rule] = (times + 1, first)
+        for rule, detail in self._frontend.warnings.items():
+            times, first = self._warnings.get(rule, (0, detail))
+            self._warnings[rule] = (times + 1, first)
         kept = replace(estimate, match=None)
         self.estimates.append(kept)
         return kept
@@ -203,7 +203,7 @@ class Replay:
             for concern, reason in self._complaints.items()
         ] + [
             f'{rule} in {times} of {len(self.estimates)} frames, first: {detail}'
-            for rule, (times, detail) in self._doubts.items()
+            for rule, (times, detail) in self._warnings.items()
         ] + ([f'{self._pairing.dropped} images were overtaken by a newer one with its mask']
              if self._pairing is not None and self._pairing.dropped else [])
 

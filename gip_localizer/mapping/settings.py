@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from gip_localizer.errors import ParameterError
-from gip_localizer.io.bags.window import Window
+from gip_localizer.io.bags.window import BagWindow
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class MapSettings:
         Of so many frames one is used.
     max_gap_s : float
         Longest time between two poses that is bridged.
-    window : Window
+    window : BagWindow
         Part of the bag.
 
     """
@@ -31,7 +31,7 @@ class MapSettings:
     resolution: float
     every: int = 1
     max_gap_s: float = 0.2
-    window: Window = field(default_factory=Window)
+    window: BagWindow = field(default_factory=BagWindow)
 
     def __post_init__(self) -> None:
         """Refuse what cannot be (raises ParameterError)."""

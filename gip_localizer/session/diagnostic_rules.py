@@ -15,7 +15,7 @@ from enum import IntEnum
 from gip_localizer.core.estimate import Status
 
 
-class Level(IntEnum):
+class Severity(IntEnum):
     """Of a diagnostic status; the numbers are those of diagnostic_msgs."""
 
     OK = 0
@@ -32,7 +32,7 @@ class Rule:
     ----------
     name : str
         The word with which the message begins.
-    level : Level
+    level : Severity
         How bad it is.
     when : str
         The condition, in words.
@@ -42,13 +42,13 @@ class Rule:
     """
 
     name: str
-    level: Level
+    level: Severity
     when: str
     withheld: bool = True
 
 
 @dataclass(frozen=True)
-class Concern:
+class DiagnosticGroup:
     """
     One diagnostic status.
 
@@ -68,11 +68,11 @@ class Concern:
     figures: dict[str, tuple[str, str]]
 
 
-W, E = Level.WARN, Level.ERROR
+W, E = Severity.WARN, Severity.ERROR
 
-CAMERA = Concern('camera', (
+CAMERA = DiagnosticGroup('camera', (
     Rule('NO_IMAGE_YET', W, 'no image has come since the start'),
-    Rule('CLOCK_STANDS', W, 'use_sim_time is set, and /clock has not moved for '
+    Rule('CLOCK_STOPPED', W, 'use_sim_time is set, and /clock has not moved for '
          'diagnostics.camera_timeout', withheld=False),
     Rule('NO_IMAGE', E, 'no image has come for diagnostics.camera_timeout'),
     Rule(Status.BAD_IMAGE, E, 'encoding, step, size or data of the image cannot be used'),
@@ -106,7 +106,7 @@ CAMERA = Concern('camera', (
     'images_overtaken': ('', 'that a newer image with its mask overtook'),
 })  # fmt: skip
 
-CALIBRATION = Concern('calibration', (
+CALIBRATION = DiagnosticGroup('calibration', (
     Rule(Status.NO_CALIBRATION, E, 'no usable camera_info has come, or the image has another '
          'size than it says'),
     Rule(Status.NO_ROAD_IN_VIEW, E, 'camera_info and camera.* see no road inside birdseye.*'),
@@ -119,7 +119,7 @@ CALIBRATION = Concern('calibration', (
     'camera_infos_refused': ('', 'that could not be used'),
 })  # fmt: skip
 
-MAP = Concern('map', (
+MAP = DiagnosticGroup('map', (
     Rule(Status.OFF_MAP, E, 'no place that was looked at lies on the map'),
     Rule(Status.LOW_OVERLAP, E, 'less than score.min_overlap of the view lies on known map cells'),
 ), {
@@ -128,7 +128,7 @@ MAP = Concern('map', (
     'map_hash': ('', 'of the picture, its resolution and origin'),
 })  # fmt: skip
 
-PRIOR = Concern('prior', (
+PRIOR = DiagnosticGroup('prior', (
     Rule(Status.NO_PRIOR, W, 'no initialpose, initial_pose.* or relocalize so far'),
     Rule('INITIALPOSE_REFUSED', W, 'the last initialpose is of another frame, not finite or off '
          'the map (told for 10 s); the belief stays', withheld=False),
@@ -140,7 +140,7 @@ PRIOR = Concern('prior', (
     'initialposes_refused': ('', 'that could not be used'),
 })  # fmt: skip
 
-ODOMETRY = Concern('odometry', (
+ODOMETRY = DiagnosticGroup('odometry', (
     Rule('ODOMETRY_REFUSED', W, 'it jumps, repeats a stamp, goes back or leaps in time, holds NaN '
          'or is of another frame than frames.odom and frames.base (told for 10 s)',
          withheld=False),
@@ -157,7 +157,7 @@ ODOMETRY = Concern('odometry', (
     'odometry_age': ('s', 'since the last one came'),
 })  # fmt: skip
 
-MATCH = Concern('match', (
+MATCH = DiagnosticGroup('match', (
     Rule(Status.LOW_CONTRAST, E, 'the view is flat, dark or saturated (below '
          'integrity.min_contrast), or masked altogether'),
     Rule(Status.NO_MATCH, E, 'the map does not explain the view: below '
@@ -174,7 +174,7 @@ MATCH = Concern('match', (
          withheld=False),
 ), {
     'confidence': ('', 'probability that the match is at the right place'),
-    'lead': ('', 'how far the match is ahead of the best one at another place'),
+    'margin': ('', 'how far the match is ahead of the best one at another place'),
     'correlation': ('', 'of view and map under the Gramian, at the match'),
     'lattice_correlation': ('', 'the same before refinement, camera at rest'),
     'contrast': ('', 'weighted standard deviation of the view, grey levels of [0, 1]'),
@@ -202,7 +202,7 @@ MATCH = Concern('match', (
     'posterior_ms': ('ms', 'verdict and filter, last frame'),
 })  # fmt: skip
 
-OUTPUT = Concern('output', (
+OUTPUT = DiagnosticGroup('output', (
     Rule('DISABLED', W, 'by the service ~/enable, or the node is not active'),
     Rule('WAITING', W, 'no frame has been localized yet'),
     Rule('WITHHELD', E, 'the last frame gave no pose; the message names the status that tells '
@@ -215,16 +215,16 @@ OUTPUT = Concern('output', (
     'pose_age': ('s', 'since the last pose went out'),
 })  # fmt: skip
 
-CONCERNS = (CAMERA, CALIBRATION, MAP, PRIOR, ODOMETRY, MATCH, OUTPUT)
+DIAGNOSTIC_GROUPS = (CAMERA, CALIBRATION, MAP, PRIOR, ODOMETRY, MATCH, OUTPUT)
 """In the order of the flow."""
 
 
-def rule_of(name: str) -> tuple[Concern, Rule] | None:
-    """Return a rule by its name, with its concern; None for what is no matter at all."""
-    for concern in CONCERNS:
-        for rule in concern.rules:
+def rule_of(name: str) -> tuple[DiagnosticGroup, Rule] | None:
+    """Return a rule by its name, with its group; None for what is no matter at all."""
+    for group in DIAGNOSTIC_GROUPS:
+        for rule in group.rules:
             if rule.name == name:
-                return concern, rule
+                return group, rule
     return None
 
 
@@ -232,13 +232,13 @@ def diagnostics_table() -> str:
     """Return all rules, then all figures, as Markdown."""
     rows = ['| status | message | level | when | pose |', '| --- | --- | --- | --- | --- |']
     rows += [
-        f'| {concern.name} | `{rule.name}` | {rule.level.name} | {rule.when} '
+        f'| {group.name} | `{rule.name}` | {rule.level.name} | {rule.when} '
         f'| {"withheld" if rule.withheld else "published"} |'
-        for concern in CONCERNS for rule in concern.rules
+        for group in DIAGNOSTIC_GROUPS for rule in group.rules
     ]  # fmt: skip
     rows += ['', '| status | key | unit | meaning |', '| --- | --- | --- | --- |']
     rows += [
-        f'| {concern.name} | `{key}` | {unit} | {meaning} |'
-        for concern in CONCERNS for key, (unit, meaning) in concern.figures.items()
+        f'| {group.name} | `{key}` | {unit} | {meaning} |'
+        for group in DIAGNOSTIC_GROUPS for key, (unit, meaning) in group.figures.items()
     ]  # fmt: skip
     return '\n'.join(rows)

@@ -14,7 +14,12 @@ import numpy as np
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.track.stamp_check import REWIND_NS
 from gip_localizer.parameters.integration import Diagnostics
-from gip_localizer.session.diagnostic_rules import Concern, CONCERNS, Level, Rule
+from gip_localizer.session.diagnostic_rules import (
+    DIAGNOSTIC_GROUPS,
+    DiagnosticGroup,
+    Rule,
+    Severity,
+)
 
 REMEMBERED = 10.0
 """Time (s) for which a passing fault is told."""
@@ -31,9 +36,9 @@ COUNTED = {
 
 @dataclass(frozen=True)
 class Report:
-    """What is to be said of one concern: the rules that hold, first things first."""
+    """What is to be said of one group: the rules that hold, first things first."""
 
-    concern: Concern
+    group: DiagnosticGroup
     rules: tuple[Rule, ...]
     message: str
     figures: dict[str, str]
@@ -44,13 +49,13 @@ class Report:
         return next(iter(self.rules), None)
 
     @property
-    def level(self) -> Level:
+    def level(self) -> Severity:
         """The worst of the rules; OK without any."""
-        return max((rule.level for rule in self.rules), default=Level.OK)
+        return max((rule.level for rule in self.rules), default=Severity.OK)
 
 
 @dataclass
-class Health:
+class HealthMonitor:
     """
     Takes what happens, tells what is the matter.
 
@@ -68,7 +73,7 @@ class Health:
         False: frames are ignored on request.
     steady : callable
         Seconds that never go back.
-    lasting, doubts : dict
+    lasting, warnings : dict
         Rules that hold until taken out, and of the last frame, and their details.
     overtaken : int
         Images that a newer one with its mask overtook.
@@ -86,7 +91,7 @@ class Health:
     lasting: dict[str, str] = field(default_factory=dict)
     estimate: Estimate | None = None
     prediction: str = 'none'
-    doubts: dict[str, str] = field(default_factory=dict)
+    warnings: dict[str, str] = field(default_factory=dict)
     overtaken: int = 0
     searching: bool = False
     frames: int = 0
@@ -157,16 +162,16 @@ class Health:
             self._clock = (clock_ns, self.steady())
 
     def reports(self) -> list[Report]:
-        """Return one report per concern, in the order of `CONCERNS`."""
+        """Return one report per group, in the order of `DIAGNOSTIC_GROUPS`."""
         active = self._active()
         figures = self._figures()
         reports = []
-        for concern in CONCERNS:
-            held = tuple(rule for rule in concern.rules if rule.name in active)
+        for group in DIAGNOSTIC_GROUPS:
+            held = tuple(rule for rule in group.rules if rule.name in active)
             said = [_said(rule.name, active[rule.name]) for rule in held]
-            message = '; '.join(said) or _said('OK', self._well(concern.name))
-            own = {key: figures[key] for key in concern.figures if key in figures}
-            reports.append(Report(concern, held, message, own))
+            message = '; '.join(said) or _said('OK', self._well(group.name))
+            own = {key: figures[key] for key in group.figures if key in figures}
+            reports.append(Report(group, held, message, own))
         return reports
 
     def _active(self) -> dict[str, str]:
@@ -175,7 +180,7 @@ class Health:
         active = {
             name: detail for name, (since, detail) in self._events.items()
             if now - since < REMEMBERED
-        } | self.lasting | self.doubts  # fmt: skip
+        } | self.lasting | self.warnings  # fmt: skip
         active |= self._silences() | self._stamp_faults()
         if 'camera_info' in self._complaints:
             active['CAMERA_INFO_REFUSED'] = self._complaints['camera_info']
@@ -199,7 +204,7 @@ class Health:
         if self.simulated and self._clock is not None:
             still = self._silent_since(self._clock[1])
             if still > limits.camera_timeout:
-                found['CLOCK_STANDS'] = f'for {still:.1f} s; is /clock published?'
+                found['CLOCK_STOPPED'] = f'for {still:.1f} s; is /clock published?'
         if not self._counts.get('camera_info'):
             found['NO_CAMERA_INFO_YET'] = 'is the topic remapped?'
         if odom_age is not None and odom_age > limits.odometry_timeout:
@@ -234,10 +239,10 @@ class Health:
             return {'WITHHELD': f'{self.estimate.status}: {self.estimate.reason}'}
         return {}
 
-    def _well(self, concern: str) -> str:
-        if concern == 'output' and self.estimate is not None:
+    def _well(self, group: str) -> str:
+        if group == 'output' and self.estimate is not None:
             return f'{self.estimate.status}: {self.estimate.reason}'
-        none_came = concern == 'odometry' and 'odom' not in self._at
+        none_came = group == 'odometry' and 'odom' not in self._at
         return 'none has come; the last velocity is held' if none_came else ''
 
     def _ages(self) -> dict[str, float]:

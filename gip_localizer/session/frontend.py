@@ -4,7 +4,7 @@
 Messages → localizer calls, in one place for the node and for bag replay.
 
 Nothing here raises on a bad message: what is wrong is in the `Estimate` of the frame, or in
-`complaints`, by concern, until a good message of that concern clears it.
+`complaints`, by group, until a good message of that group clears it.
 
 """
 
@@ -27,7 +27,7 @@ from gip_localizer.io import messages
 from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.map_files import load_mask
 from gip_localizer.parameters import Parameters
-from gip_localizer.session.input_checks import odometry_doubts, RepeatedImages, TOLD_AFTER
+from gip_localizer.session.input_checks import odometry_warnings, RepeatedImages, TOLD_AFTER
 from gip_localizer.session.mask_sync import Masked
 from gip_localizer.session.masks import both, fitting, mask_image, MaskError
 
@@ -53,14 +53,14 @@ class Frontend:
     localizer : Localizer
         The core.
     complaints : dict
-        Concern (camera_info, odom, initialpose) → what is wrong with its last message.
+        DiagnosticGroup (camera_info, odom, initialpose) → what is wrong with its last message.
     counts : dict
         Messages per topic, and how many of them were refused (`<topic>_refused`).
     image : (height, width) array or None
         The last frame; None where it could not be read.
     camera_frame : str
         Its frame, as its header names it.
-    doubts : dict
+    warnings : dict
         Rule of `gip_localizer.session.diagnostic_rules` → detail, of the last frame.
 
     """
@@ -69,7 +69,7 @@ class Frontend:
         self.localizer = Localizer(raster_map, parameters)
         self.complaints: dict[str, str] = {}
         self.counts: dict[str, int] = {}
-        self.doubts: dict[str, str] = {}
+        self.warnings: dict[str, str] = {}
         self.image: Grey | None = None
         self.camera_frame = ''
         self._repeats = RepeatedImages()
@@ -134,7 +134,7 @@ class Frontend:
         if self.localizer.add_odometry(sample):
             self.complaints.pop('odom', None)
         else:
-            self._complain('odom', self.localizer.tracker.odometry.complaint)
+            self._complain('odom', self.localizer.pose_filter.odometry.complaint)
 
     def on_initial_pose(self, message: Any) -> None:
         """Take a geometry_msgs/PoseWithCovarianceStamped as the prior."""
@@ -174,7 +174,7 @@ class Frontend:
         self, message: Any, decode: Callable[[Any], Grey], masked: Masked | None
     ) -> Estimate:
         self._count('image')
-        self.doubts, self.image = {}, None
+        self.warnings, self.image = {}, None
         self.camera_frame = str(message.header.frame_id)
         stamp = messages.stamp_ns(message.header)
         if self._calibration is None:
@@ -192,12 +192,12 @@ class Frontend:
         except CalibrationError as error:
             self._refuse('image')
             return Estimate(stamp, Status.NO_CALIBRATION, str(error))
-        tracker = self.localizer.tracker
-        self.doubts |= odometry_doubts(stamp, tracker)
-        if frozen := self._repeats.frozen(stamp, image, tracker):
+        pose_filter = self.localizer.pose_filter
+        self.warnings |= odometry_warnings(stamp, pose_filter)
+        if frozen := self._repeats.frozen(stamp, image, pose_filter):
             return Estimate(stamp, Status.FROZEN_IMAGE, frozen)
         if self._repeats.repeats >= TOLD_AFTER:
-            self.doubts['REPEATED_IMAGES'] = f'{self._repeats.repeats} in a row'
+            self.warnings['REPEATED_IMAGES'] = f'{self._repeats.repeats} in a row'
         return self.localizer.update(stamp, image, camera, mask=mask)
 
     def _mask_of(self, masked: Masked | None, image: Grey) -> Grey | None:
@@ -211,7 +211,7 @@ class Frontend:
             return mask_image(masked.mask, (image.shape[0], image.shape[1]))
         except MaskError as error:
             rule = 'MASK_MISSING' if masked.mask is None else 'MASK_REFUSED'
-            self.doubts[rule] = str(error)
+            self.warnings[rule] = str(error)
             self._refuse('mask')
             if self.parameters.mask.required:
                 raise
@@ -232,6 +232,6 @@ class Frontend:
     def _refuse(self, topic: str) -> None:
         self._count(f'{topic}_refused')
 
-    def _complain(self, concern: str, text: str) -> None:
-        self._refuse(concern)
-        self.complaints[concern] = text
+    def _complain(self, group: str, text: str) -> None:
+        self._refuse(group)
+        self.complaints[group] = text

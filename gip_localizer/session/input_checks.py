@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from gip_localizer.core.arrays import Grey
-from gip_localizer.core.track.pose_filter import Tracker
+from gip_localizer.core.track.pose_filter import PoseFilter
 
 COARSE = 16
 """Rows of which one is compared first: most pictures differ there already."""
@@ -37,7 +37,7 @@ class RepeatedImages:
         self._last_ns: int | None = None
         self._frozen = ''
 
-    def frozen(self, stamp_ns: int, image: Grey, tracker: Tracker) -> str:
+    def frozen(self, stamp_ns: int, image: Grey, pose_filter: PoseFilter) -> str:
         """
         Tell why the camera must be frozen; empty where it may see what it shows.
 
@@ -47,7 +47,7 @@ class RepeatedImages:
             Of the image.
         image : (height, width) uint8, uint16 or float32
             Its pixels, which must not change until the next call.
-        tracker : Tracker
+        pose_filter : PoseFilter
             Knows how the vehicle moves.
 
         """
@@ -57,12 +57,12 @@ class RepeatedImages:
             self.repeats, self._first_ns, self._frozen = 0, stamp_ns, ''
         else:
             self.repeats += 1
-            self._frozen = self._frozen or self._contradiction(stamp_ns, tracker)
+            self._frozen = self._frozen or self._contradiction(stamp_ns, pose_filter)
         self._image, self._last_ns = image, stamp_ns
         return self._frozen
 
-    def _contradiction(self, stamp_ns: int, tracker: Tracker) -> str:
-        moved = tracker.moved_since(self._first_ns, stamp_ns)
+    def _contradiction(self, stamp_ns: int, pose_filter: PoseFilter) -> str:
+        moved = pose_filter.moved_since(self._first_ns, stamp_ns)
         if moved is None:
             return ''
         driven = math.hypot(moved.x, moved.y)
@@ -81,18 +81,18 @@ def same_pixels(first: Grey, second: Grey) -> bool:
     )
 
 
-def odometry_doubts(stamp_ns: int, tracker: Tracker) -> dict[str, str]:
+def odometry_warnings(stamp_ns: int, pose_filter: PoseFilter) -> dict[str, str]:
     """Return the rules that hold of odometry at an image, and their details."""
     found = {}
-    apart = tracker.odometry.apart(stamp_ns)
-    if apart is not None and tracker.odometry.pose_at(stamp_ns) is None:
+    apart = pose_filter.odometry.apart(stamp_ns)
+    if apart is not None and pose_filter.odometry.pose_at(stamp_ns) is None:
         side = 'ahead of' if apart > 0.0 else 'behind'
         found['ODOMETRY_OFF_TIME'] = (
             f'the newest is stamped {_span(abs(apart))} {side} the image; '
             'do their clocks agree?'
         )
-    if tracker.trust.doubted:
-        found['ODOMETRY_CONTRADICTED'] = tracker.trust.detail
+    if pose_filter.odometry_check.rejected:
+        found['ODOMETRY_CONTRADICTED'] = pose_filter.odometry_check.detail
     return found
 
 

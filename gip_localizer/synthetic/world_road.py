@@ -38,7 +38,7 @@ def road(width: float, height: float, resolution: float, *, seed: int) -> tuple[
     Parameters
     ----------
     width, height : float
-        Extent, metres.
+        SearchWindow, metres.
     resolution : float
         Metres per cell.
     seed : int

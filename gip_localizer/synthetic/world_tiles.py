@@ -32,7 +32,7 @@ def tiles(
     Parameters
     ----------
     width, height : float
-        Extent, metres.
+        SearchWindow, metres.
     resolution : float
         Metres per cell.
     seed : int

@@ -64,7 +64,7 @@ class Rectifier:
     camera : CameraModel
         Calibrated camera and its extrinsics.
     birdseye : Birdseye
-        Extent and resolution of the view.
+        SearchWindow and resolution of the view.
 
     Raises
     ------

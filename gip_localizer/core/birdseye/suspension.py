@@ -16,7 +16,7 @@ from gip_localizer.core.camera.model import CameraModel
 SMALL = 1e-5  # rad and m, for the tangents
 
 
-class CameraSway:
+class SuspensionMotion:
     """
     Road points of fixed pixels as a function of (pitch, roll, height) changes.
 

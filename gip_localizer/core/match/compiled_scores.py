@@ -15,9 +15,9 @@ from gip_localizer.core.match.correlation import Term
 from gip_localizer.core.match.template_rotation import is_little, Templates
 
 
-class Room:
+class Buffer:
     """
-    Room for the templates of one yaw, turned.
+    Buffer for the templates of one yaw, turned.
 
     Attributes
     ----------
@@ -61,14 +61,14 @@ class Comparison:
         )
 
     def sums_in(
-        self, room: Room, affines: Sequence[Floats], size: tuple[int, int]
+        self, buffer: Buffer, affines: Sequence[Floats], size: tuple[int, int]
     ) -> tuple[Floats, Floats]:
         """
-        Sum up the terms of yaws that are turned into one room after each other.
+        Sum up the terms of yaws that are turned into one buffer after each other.
 
         Parameters
         ----------
-        room : Room
+        buffer : Buffer
             On the canvas.
         affines : sequence of (2, 3) float64
             `turn_affine` of every yaw.
@@ -88,12 +88,12 @@ class Comparison:
         whole = slice(0, len(affines))
         alone = [slice(k, k + 1) for k in range(len(affines))]
         for yaws in [whole] if all(map(is_little, affines)) else alone:
-            rooms, chosen = [room] * (yaws.stop - yaws.start), affines[yaws]
-            self.compare(chosen, rooms, [False] * len(rooms), totals[yaws], (0, 0), sums[yaws])
+            buffers, chosen = [buffer] * (yaws.stop - yaws.start), affines[yaws]
+            self.compare(chosen, buffers, [False] * len(buffers), totals[yaws], (0, 0), sums[yaws])
         return sums.transpose(1, 0, 2, 3), totals
 
     def compare(
-        self, affines: Sequence[Floats], rooms: Sequence[Room], turned: Sequence[bool],
+        self, affines: Sequence[Floats], buffers: Sequence[Buffer], turned: Sequence[bool],
         totals: Floats, start: tuple[int, int], sums: Floats,
     ) -> None:
         """
@@ -103,10 +103,10 @@ class Comparison:
         ----------
         affines : sequence of (2, 3) float64
             `turn_affine` of every yaw.
-        rooms : sequence of Room
+        buffers : sequence of Buffer
             Where the turned templates go, all of one shape.
         turned : sequence of bool
-            Which rooms hold the turned templates already.
+            Which buffers hold the turned templates already.
         totals : (yaws, totals) float32
             Sums of the templates; those of yaws that are turned here are written.
         start : (int, int)
@@ -115,18 +115,19 @@ class Comparison:
             To be written; contiguous.
 
         """
-        _, rows, cols = rooms[0].planes.shape
+        _, rows, cols = buffers[0].planes.shape
         (x, y), (n_x, n_y) = start, sums.shape[2:]
         assert 0 <= x <= self._fields.shape[1] - rows - n_x + 1
         assert 0 <= y <= self._fields.shape[2] - cols - n_y + 1
         there = np.array(turned, np.uint8)
         for k, affine in enumerate(affines):
             if not turned[k] and not is_little(affine):
-                totals[k] = self._templates.turned(rooms[k].planes, affine, self._totals)
+                totals[k] = self._templates.turned(buffers[k].planes, affine, self._totals)
                 there[k] = 1
         kernels().compare_turned(
-            self._c, len(rooms), address(np.array(affines), np.float64), address(there, np.uint8),
-            (Planes * len(rooms))(*(room.c_planes for room in rooms)), rows, cols,
+            self._c, len(buffers), address(np.array(affines), np.float64),
+            address(there, np.uint8),
+            (Planes * len(buffers))(*(buffer.c_planes for buffer in buffers)), rows, cols,
             address(totals, np.float32), x, y, n_x, n_y, address(sums, np.float32),
         )
 

@@ -114,7 +114,7 @@ def _templates(terms: Sequence[Term]) -> int:
     return 1 + max(t for term in terms for t, _ in term)
 
 
-class _Desk:
+class _Workspace:
     """The arrays that one thread works in."""
 
     def __init__(
@@ -134,8 +134,8 @@ class _Desk:
     ) -> Floats:
         """Return the terms (n_terms, yaws, n_x, n_y) of one yaw or two."""
         n_x, n_y = self._size
-        for yaw, room in zip(yaws, self._turned, strict=False):
-            turn(yaw, room)
+        for yaw, buffer in zip(yaws, self._turned, strict=False):
+            turn(yaw, buffer)
         self._turned[len(yaws) :] = 0.0  # a yaw without a partner
         for template, spectrum in enumerate(self._spectra):
             self._transform_pair(self._turned[:, template], spectrum)
@@ -164,14 +164,14 @@ _kept = threading.local()
 
 
 def _desk(transform: Transform, templates: int, terms: int, size: tuple[int, int],
-          canvas: tuple[int, int]) -> _Desk:
-    """Return this thread's desk of the last frame if it fits, for no room is found faster."""
+          canvas: tuple[int, int]) -> _Workspace:
+    """Return this thread's desk of the last frame if it fits, for no buffer is found faster."""
     key = (type(transform), transform.shape, templates, terms, size, canvas)
     if getattr(_kept, 'key', None) == key:
-        desk: _Desk = _kept.desk
+        desk: _Workspace = _kept.desk
         return desk
     _kept.key = _kept.desk = None
-    desk = _Desk(transform, templates, terms, size, canvas)
+    desk = _Workspace(transform, templates, terms, size, canvas)
     if desk.plane.nbytes <= KEPT_BYTES:
         _kept.key, _kept.desk = key, desk
     return desk
@@ -240,14 +240,14 @@ def by_products(
 
 def _room(name: str, shape: tuple[int, ...]) -> Floats:
     """Return an array of this thread that holds anything; the one of the last frame if it fits."""
-    rooms: dict[str, Floats] = _kept.__dict__.setdefault('rooms', {})
-    room = rooms.get(name)
-    if room is None or room.shape != shape:
-        room = np.empty(shape, np.float32)
-        rooms[name] = room
-        if room.nbytes > KEPT_BYTES:
-            del rooms[name]
-    return room
+    buffers: dict[str, Floats] = _kept.__dict__.setdefault('buffers', {})
+    buffer = buffers.get(name)
+    if buffer is None or buffer.shape != shape:
+        buffer = np.empty(shape, np.float32)
+        buffers[name] = buffer
+        if buffer.nbytes > KEPT_BYTES:
+            del buffers[name]
+    return buffer
 
 
 def _row_products(

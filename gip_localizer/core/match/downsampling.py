@@ -152,10 +152,10 @@ def _by_loop(
     reach = (len(taps) - factor) // 2
     top, left = corner[0] + reach, corner[1] + reach
     (rows, cols), out = values.shape, np.empty(shape, np.float32)
-    room = np.empty(2 * (factor * (shape[1] - 1) + len(taps)), np.float32)
+    buffer = np.empty(2 * (factor * (shape[1] - 1) + len(taps)), np.float32)
     kernels().join_cells(
         row_address(values, np.float32), values.strides[0] // values.itemsize, rows, cols,
         top, left, address(taps, np.float32), len(taps), factor, replicate,
-        address(room, np.float32), address(out, np.float32), *shape,
+        address(buffer, np.float32), address(out, np.float32), *shape,
     )
     return out

@@ -82,8 +82,8 @@ def put_pair(pair: Floats, plane: Plane) -> None:
         corner.real, corner.imag = pair
 
 
-def add_products(pairs: Sequence[tuple[Plane, Plane]], out: Plane, room: Plane) -> None:
-    """Write the sum of products of planes; `out` may be one of the first pair, `room` none."""
+def add_products(pairs: Sequence[tuple[Plane, Plane]], out: Plane, buffer: Plane) -> None:
+    """Write the sum of products of planes; `out` may be one of the first pair, `buffer` none."""
     if AVAILABLE:
         left, right = ((ADDRESS * len(pairs))(*(address(p, np.complex64) for p in planes))
                        for planes in zip(*pairs, strict=True))
@@ -94,7 +94,7 @@ def add_products(pairs: Sequence[tuple[Plane, Plane]], out: Plane, room: Plane) 
     (field, spectrum), *others = pairs
     np.multiply(field, spectrum, out=out)
     for field, spectrum in others:
-        out += np.multiply(field, spectrum, out=room)
+        out += np.multiply(field, spectrum, out=buffer)
 
 
 def cost(rows: int, cols: int) -> float:

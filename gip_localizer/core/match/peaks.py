@@ -32,7 +32,7 @@ def best_peaks(values: Floats, count: int) -> list[tuple[int, int, int]]:
     return chosen
 
 
-class Surface:
+class ResidualLookup:
     """Residuals by index, as in a dictionary."""
 
     def __init__(self, residual: Floats) -> None:
@@ -52,7 +52,7 @@ class Surface:
 
 
 def modes_of(
-    places: NDArray[np.int64], values: Surface | dict[Index, float], count: int
+    places: NDArray[np.int64], values: ResidualLookup | dict[Index, float], count: int
 ) -> list[Mode]:
     """
     Return those of the places, best first, that have no better neighbour: at most `count`.
@@ -67,7 +67,7 @@ def modes_of(
     return sorted(_between(values, place) for place in best)
 
 
-def _between(values: Surface | dict[Index, float], place: Index) -> Mode:
+def _between(values: ResidualLookup | dict[Index, float], place: Index) -> Mode:
     """Return the least of a parabola on each axis, and where it is, within half a step."""
     peak = [float(n) for n in place]
     least = middle = values[place]

@@ -28,7 +28,7 @@ WINNER_RADIUS_YAW = 0.03  # rad
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class PosteriorSurface:
     """
     The posterior over the window.
 
@@ -65,7 +65,7 @@ def independent_cells(weight: Floats) -> float:
     return max(total**2 / max(squares, 1e-30) / CELLS_PER_INDEPENDENT, 1.0)
 
 
-def posterior_surface(scores: Scores, cells: float, prior: Belief | None) -> Surface:
+def posterior_surface(scores: Scores, cells: float, prior: Belief | None) -> PosteriorSurface:
     """
     Turn a score surface into a posterior.
 
@@ -80,7 +80,7 @@ def posterior_surface(scores: Scores, cells: float, prior: Belief | None) -> Sur
 
     Returns
     -------
-    Surface
+    PosteriorSurface
         The posterior and what is read off it.
 
     """
@@ -100,7 +100,7 @@ def posterior_surface(scores: Scores, cells: float, prior: Belief | None) -> Sur
         & (np.abs(yaw - yaw[winner[0], 0, 0]) <= WINNER_RADIUS_YAW)
     )
     outside = np.where(near, np.inf, residual).min()
-    return Surface(
+    return PosteriorSurface(
         log_posterior, winner,  # type: ignore[arg-type]
         float(mass[near].sum()), float(outside / max(residual[winner], 1e-12)),
         _spread(mass, x, y, yaw),
@@ -108,14 +108,14 @@ def posterior_surface(scores: Scores, cells: float, prior: Belief | None) -> Sur
     )
 
 
-def modes(surface: Surface, count: int) -> list[tuple[int, int, int]]:
+def modes(surface: PosteriorSurface, count: int) -> list[tuple[int, int, int]]:
     """Indices of the best separate peaks, best first, at most `count`."""
     return best_peaks(surface.log_posterior, count)
 
 
 
 
-def subcell_peak(surface: Surface, index: tuple[int, int, int]) -> Floats:
+def subcell_peak(surface: PosteriorSurface, index: tuple[int, int, int]) -> Floats:
     """Fractional index (3,) of a peak, by a parabola through its neighbours on each axis."""
     peak = np.array(index, float)
     for axis in range(3):

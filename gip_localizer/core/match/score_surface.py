@@ -22,7 +22,7 @@ from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.birdseye.rectifier import View
 from gip_localizer.core.kernels.library import AVAILABLE
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.match.compiled_scores import Comparison, Room
+from gip_localizer.core.match.compiled_scores import Buffer, Comparison
 from gip_localizer.core.match.correlation import correlate, takes_transforms
 from gip_localizer.core.match.downsampling import locally_centred
 from gip_localizer.core.match.fft import cost
@@ -159,8 +159,8 @@ def _score_by_loops(scorer: Scorer, affines: list[Floats], canvas: tuple[int, in
     comparison = Comparison(scorer.templates, scorer.fields, scorer.terms, scorer.sums_needed)
 
     def work(yaws: slice) -> None:
-        room = Room(np.empty((len(scorer.templates.planes), *canvas), np.float32))
-        sums, turned = comparison.sums_in(room, affines[yaws], size)
+        buffer = Buffer(np.empty((len(scorer.templates.planes), *canvas), np.float32))
+        sums, turned = comparison.sums_in(buffer, affines[yaws], size)
         keep(yaws, scorer.score(sums, turned[:, :, None, None]))
 
     count = len(affines)

@@ -12,7 +12,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.refine.least_squares import Problem
+from gip_localizer.core.refine.least_squares import LeastSquaresProblem
 
 SAME_PLACE = 0.2  # m between fits, beyond which they are at different places
 LEVER = 6.0  # m: where a turn and a shift of the view are compared
@@ -32,7 +32,7 @@ class Fit:
         Of x, y (m) and yaw (rad) in the axes of the pose (ahead, left), from how far each block
         of road moves it, so that correlated residuals count as what they are; wider where a share
         of the road disagrees.
-    problem : Problem
+    problem : LeastSquaresProblem
         The least-squares problem at the pose.
     camera_motion : (3,) float64
         Estimated pitch, roll (rad) and height (m) relative to the calibration.
@@ -62,7 +62,7 @@ class Fit:
 
     pose: Pose2
     covariance: Floats
-    problem: Problem
+    problem: LeastSquaresProblem
     camera_motion: Floats
     gain: float
     offset: float
@@ -135,7 +135,7 @@ class Fit:
         return -0.5 * math.log(unexplained)
 
     @property
-    def merit(self) -> float:
+    def fit_score(self) -> float:
         """
         How good the fit is among fits at other places: how much agrees, and how well.
 

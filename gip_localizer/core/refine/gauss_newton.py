@@ -20,10 +20,15 @@ from gip_localizer.core.map.bilinear import Samples
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.refine.edge_noise import edge_share
 from gip_localizer.core.refine.exposure import exposure, shading
-from gip_localizer.core.refine.least_squares import Problem
+from gip_localizer.core.refine.least_squares import LeastSquaresProblem
 from gip_localizer.core.refine.local_light import find_light, Light
-from gip_localizer.core.refine.observation import Layer, State, Unknowns
-from gip_localizer.core.refine.robust import agreeing, mean_normalised_square, outlier_scale, trust
+from gip_localizer.core.refine.observation import Layer, RefinementState, Unknowns
+from gip_localizer.core.refine.robust import (
+    agreeing,
+    mean_normalised_square,
+    outlier_scale,
+    robust_weights,
+)
 
 EXPOSURE_ROUNDS = (2, 1)  # reweightings of gain and offset before a stage's first step, others
 FIRST_ROUNDS = 2  # more where the exposure was not known before
@@ -33,16 +38,16 @@ CONVERGED_SIGMAS = 0.5  # ... or in standard deviations of the outcome
 LINEAR = 10.0  # step, in these, up to which the slopes tell the map's values
 STALE = 20.0  # step, in these, up to which the slopes themselves hold
 MAX_STEP = np.array([0.15, 0.15, 0.03])  # m, m, rad: no step may leave the basin
-MAX_SWAY = np.array([0.03, 0.03, 0.1])  # rad, rad, m: nor the camera turn from the road
+MAX_SUSPENSION = np.array([0.03, 0.03, 0.1])  # rad, rad, m: nor the camera turn from the road
 MIN_GAIN = 0.02
 MIN_CELLS = 20
 
 
 Columns = tuple[Floats, Floats, Callable[[], Floats]]
-"""Instruments and slopes (p, n) of a `Problem`, and its exact instruments."""
+"""Instruments and slopes (p, n) of a `LeastSquaresProblem`, and its exact instruments."""
 
 
-class Descent:
+class GaussNewton:
     """
     Steps on one layer.
 
@@ -50,14 +55,14 @@ class Descent:
     ----------
     layer : Layer
         The cells.
-    state : State
+    state : RefinementState
         Where to start; moved in place.
     unknowns : Unknowns
         What is estimated.
 
     """
 
-    def __init__(self, layer: Layer, state: State, unknowns: Unknowns) -> None:
+    def __init__(self, layer: Layer, state: RefinementState, unknowns: Unknowns) -> None:
         self._layer, self._state, self._unknowns = layer, state, unknowns
         self._stage = layer.stage
         self._agreeing: Floats | None = None
@@ -69,7 +74,7 @@ class Descent:
         self._light = None if state.light is None else state.light.on(self._stage)
         self._shade = self._light.gain if self._light is not None else state.shade(self._stage)
 
-    def run(self) -> Problem:
+    def run(self) -> LeastSquaresProblem:
         """Step until the steps are small; return the last problem."""
         stage = self._stage
         for count in range(stage.steps):
@@ -93,7 +98,7 @@ class Descent:
         first = FIRST_ROUNDS if self._stage.plain and count == self._stage.plain else 0
         return EXPOSURE_ROUNDS[min(count, 1)] + first
 
-    def _foresee(self, problem: Problem, step: Floats, length: float) -> None:
+    def _foresee(self, problem: LeastSquaresProblem, step: Floats, length: float) -> None:
         """Keep what is known of the map for the next step, as far as that was short."""
         self._seen = None
         if length > STALE:
@@ -104,7 +109,7 @@ class Descent:
             predicted = problem.predicted + change
             self._seen = predicted, problem.all_weights
 
-    def shaded(self, problem: Problem) -> Floats:
+    def shaded(self, problem: LeastSquaresProblem) -> Floats:
         """How the gain varies over the image, as found here on top of what is known: (k,)."""
         return self._state.shading + shading(
             self._layer.values, problem.predicted, problem.weights, self._stage.optical
@@ -128,13 +133,13 @@ class Descent:
         """Move the state; return the length of the step (below 1: done)."""
         x, y, yaw = (float(s) for s in np.clip(step[:3], -MAX_STEP, MAX_STEP))
         moving = self._unknowns.moving
-        most = MAX_SWAY[moving]
+        most = MAX_SUSPENSION[moving]
         self._state.step = np.array([x, y, yaw])
         self._state.pose = self._state.pose @ Pose2(x, y, yaw)
         self._state.camera_motion[moving] += np.clip(step[3 : 3 + len(moving)], -most, most)
         return max(abs(x) / DONE_XY, abs(y) / DONE_XY, abs(yaw) / DONE_YAW)
 
-    def _linearise(self, rounds: int) -> Problem:
+    def _linearise(self, rounds: int) -> LeastSquaresProblem:
         state, unknowns, stage = self._state, self._unknowns, self._stage
         predicted, known = self._seen or self._look()
         used = self._agreed(predicted, known)
@@ -146,7 +151,7 @@ class Descent:
         for _ in range(rounds):
             variance = max(scale_sq, stage.least_scale_sq)
             limit = outlier_scale(residual, used, variance)
-            share, slope = trust(residual, used, variance, limit)
+            share, slope = robust_weights(residual, used, variance, limit)
             trusted, curvature = used * share, used * slope
             gain, offset, residual = self._residual(predicted, trusted, None)
             scale_sq = mean_normalised_square(residual, used)
@@ -155,7 +160,7 @@ class Descent:
         assert self._columns is not None
         offsets = np.zeros(len(unknowns.prior))
         offsets[3 : 3 + len(unknowns.moving)] = state.camera_motion[unknowns.moving]
-        return Problem(
+        return LeastSquaresProblem(
             *self._columns, unknowns.scales(gain), residual, trusted, curvature, known, predicted,
             partial(self._pattern, predicted), gain, offset,
             scale_sq, max(scale_sq, self._telling_scale_sq(residual, trusted)),
@@ -191,7 +196,7 @@ class Descent:
 
     def _sampled(self) -> Samples:
         """The map where the cells are."""
-        self._points = self._stage.sway.road_points(self._state.camera_motion)
+        self._points = self._stage.suspension.road_points(self._state.camera_motion)
         return self._layer.raster_map.sample_from(self._state.pose, *self._points)
 
     def _under_light(self, samples: Samples) -> Floats:
@@ -254,7 +259,7 @@ class Descent:
         np.multiply(left, x, out=rows[2])
         rows[2] -= ahead * y
         for row, moving in zip(rows[3:], self._unknowns.moving, strict=False):
-            along_x, along_y = self._stage.sway.tangents[moving]
+            along_x, along_y = self._stage.suspension.tangents[moving]
             np.multiply(ahead, along_x, out=row)
             row += left * along_y
         if self._unknowns.normalized:

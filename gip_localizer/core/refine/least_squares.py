@@ -3,8 +3,8 @@
 """
 One linearised weighted least-squares problem: its step, its covariance, its quality.
 
-With residual r, weights W (Gramian times trust), map slopes J and pixel blur S, the estimating
-equation is `Jᵀ W r = 0` and its slope `Jᵀ W S J`. For white pixel noise that is maximum
+With residual r, weights W (Gramian times robust weights), map slopes J and pixel blur S, the
+estimating equation is `Jᵀ W r = 0` and its slope `Jᵀ W S J`. For white pixel noise that is maximum
 likelihood. Where a cell errs with the map and not with the pixels, instruments Z stand in for J:
 `Zᵀ W r = 0`, with slope `Zᵀ W S J`. Z are the slopes of a blurred map, since between the centres
 of its cells a map tells where an edge is on the whole, but not its shape, and what a sharp slope
@@ -38,7 +38,7 @@ LEAST_SPREAD = 0.05  # of the noise model's standard deviations: residuals may b
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class LeastSquaresProblem:
     """
     The problem at one state; n cells, p unknowns (x, y, yaw, camera motion, gain, offset).
 
@@ -55,7 +55,7 @@ class Problem:
     residual : (n,) float32
         v - a S û - b.
     weights : (n,) float32
-        Gramian times trust; 0 where the map holds no data.
+        Gramian times robust_weights; 0 where the map holds no data.
     curvature : (n,) float32
         Slope of the weighted residual: what `weights` is to the step, this is to the spread.
     all_weights : (n,) float32
@@ -74,7 +74,7 @@ class Problem:
     prior : (p,) float64
         Information of the prior on each unknown, before scaling.
     prior_offset : (p,) float64
-        State relative to the prior's mean.
+        RefinementState relative to the prior's mean.
 
     """
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a descent is given: a stage's cells of a frame, where to start, what is unknown."""
+"""What a gauss_newton is given: a stage's cells of a frame, where to start, what is unknown."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Unknowns:
 
 
 @dataclass(eq=False)
-class State:
+class RefinementState:
     """
     Pose, camera's motion (pitch, roll, height), last step; what the view is like.
 

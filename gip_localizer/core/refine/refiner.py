@@ -26,9 +26,9 @@ from gip_localizer.core.map.crop import Crop
 from gip_localizer.core.match.downsampling import coarsened
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.refine.fit import Fit
-from gip_localizer.core.refine.gauss_newton import Descent, settled
-from gip_localizer.core.refine.least_squares import Problem
-from gip_localizer.core.refine.observation import Layer, State, Unknowns
+from gip_localizer.core.refine.gauss_newton import GaussNewton, settled
+from gip_localizer.core.refine.least_squares import LeastSquaresProblem
+from gip_localizer.core.refine.observation import Layer, RefinementState, Unknowns
 from gip_localizer.core.refine.stages import make_stages
 from gip_localizer.parameters import CameraMotion
 
@@ -135,19 +135,19 @@ class Refiner:
             The refined pose; `converged` is False where it cannot be believed.
 
         """
-        state = State(start, np.array([pitch, 0.0, 0.0]))
+        state = RefinementState(start, np.array([pitch, 0.0, 0.0]))
         for _ in range(LIGHT_ROUNDS if uneven else 0):
-            state.light = Descent(layers[0], state, self._unknowns).lit()
+            state.light = GaussNewton(layers[0], state, self._unknowns).lit()
         for layer in layers:
             coarser = state.pose
-            descent = Descent(layer, state, self._unknowns)
-            problem = descent.run()
+            gauss_newton = GaussNewton(layer, state, self._unknowns)
+            problem = gauss_newton.run()
             if layer is layers[-1]:
                 continue
             if uneven:
-                state.light = Descent(layer, state, self._unknowns).lit()
+                state.light = GaussNewton(layer, state, self._unknowns).lit()
             elif self._unknowns.normalized:
-                state.shading = descent.shaded(problem)
+                state.shading = gauss_newton.shaded(problem)
         drift = math.hypot(state.pose.x - start.x, state.pose.y - start.y)
         spread = problem.block_covariance(self._stages[-1].blocks)
         covariance = spread / _recognised(problem) + _beyond(coarser, state.pose, layers[-1])
@@ -167,7 +167,7 @@ def _unknowns(camera_motion: CameraMotion, *, normalized: bool, robust: bool) ->
     return Unknowns(moving, prior, normalized, robust)
 
 
-def _recognised(problem: Problem) -> float:
+def _recognised(problem: LeastSquaresProblem) -> float:
     """
     Share of the road that agrees, over what noise alone leaves: at most 1.
 
@@ -190,8 +190,8 @@ def _beyond(coarser: Pose2, pose: Pose2, layer: Layer) -> Floats:
 
 
 def _fit(
-    problem: Problem, state: State, spread: Floats, covariance: Floats, layer: Layer, *,
-    converged: bool,
+    problem: LeastSquaresProblem, state: RefinementState, spread: Floats, covariance: Floats,
+    layer: Layer, *, converged: bool,
 ) -> Fit:
     weight = float(layer.weights.sum(dtype=np.float64))
     known = float(layer.weights[problem.all_weights > 0.0].sum(dtype=np.float64))

@@ -96,7 +96,7 @@ def outlier_scale(residual: Floats, weights: Floats, scale_sq: float) -> float:
     return float(np.interp(spread, SPREADS, OUTLIERS))
 
 
-def trust(
+def robust_weights(
     residual: Floats, weights: Floats, scale_sq: float, outlier_scale: float
 ) -> tuple[Floats, Floats]:
     """

@@ -11,7 +11,7 @@ from scipy import sparse
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.birdseye.rectifier import Rectifier, View
-from gip_localizer.core.birdseye.suspension import CameraSway
+from gip_localizer.core.birdseye.suspension import SuspensionMotion
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.match.downsampling import coarsened
 from gip_localizer.core.refine.blocks import Blocks, whole_blocks
@@ -54,7 +54,7 @@ class Stage:
         points = view.grid.points() if factor > 1 else rectifier.centroids
         self.blocks = _blocks(points[index], rectifier.grid)
         self.index = index[self.blocks.order]
-        self.sway = CameraSway(rectifier.camera, points[self.index])
+        self.suspension = SuspensionMotion(rectifier.camera, points[self.index])
         self.optical = optical_basis(rectifier.camera, points[self.index])
         self.blur: sparse.csr_matrix | None = None
         self.pixel_steps: PixelSteps | None = None

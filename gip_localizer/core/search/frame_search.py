@@ -11,9 +11,14 @@ from gip_localizer.core.estimate import Match
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.refine.refiner import Refiner
 from gip_localizer.core.search.global_search import global_search
-from gip_localizer.core.search.local_search import around_winner, Found, search_window
+from gip_localizer.core.search.local_search import around_winner, search_window, SearchResult
 from gip_localizer.core.search.map_crops import MapCrops
-from gip_localizer.core.search.window import Extent, first_fix, followed, whole
+from gip_localizer.core.search.window import (
+    configured_window,
+    first_fix_window,
+    SearchWindow,
+    tracking_window,
+)
 from gip_localizer.parameters import Parameters
 
 
@@ -43,11 +48,11 @@ class FrameSearch:
     parameters: Parameters
     map_noise: float
 
-    def near(self, prior: Belief) -> Found | None:
+    def near(self, prior: Belief) -> SearchResult | None:
         """Search what a belief that fixes confirm leaves open; None off the map."""
-        return self._within(prior, followed(prior, self.parameters))
+        return self._within(prior, tracking_window(prior, self.parameters))
 
-    def about(self, prior: Belief, *, fresh: bool) -> Found | None:
+    def about(self, prior: Belief, *, fresh: bool) -> SearchResult | None:
         """
         Search the window about a belief, and around a match outside it; None off the map.
 
@@ -59,21 +64,21 @@ class FrameSearch:
             It is from outside, and its covariance may widen the window.
 
         """
-        extent = (first_fix if fresh else whole)(prior, self.parameters)
+        extent = (first_fix_window if fresh else configured_window)(prior, self.parameters)
 
-        def search(pose: Pose2) -> Found | None:
+        def search(pose: Pose2) -> SearchResult | None:
             return self._within(replace(prior, pose=pose), extent)
 
         return around_winner(search(prior.pose), search)
 
-    def everywhere(self, stamp_ns: int) -> Found | None:
+    def everywhere(self, stamp_ns: int) -> SearchResult | None:
         """Search the whole map; None where no place matches at all."""
         return global_search(
             self.match.view, self.match.weight, self.crops, stamp_ns, self.parameters,
             refiner=self.refiner, map_noise=self.map_noise,
         )
 
-    def _within(self, prior: Belief, extent: Extent) -> Found | None:
+    def _within(self, prior: Belief, extent: SearchWindow) -> SearchResult | None:
         return search_window(
             self.match.view, self.match.weight, self.crops, prior, extent,
             refiner=self.refiner, normalized=self.parameters.score.normalized,

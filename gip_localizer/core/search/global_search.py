@@ -21,16 +21,16 @@ from gip_localizer.core.match.score_surface import Lattice, match, Scores
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.refine.fit import SAME_PLACE
 from gip_localizer.core.refine.refiner import Refiner
-from gip_localizer.core.search.hypotheses import RIVAL_SHARE
+from gip_localizer.core.search.hypotheses import COMPETITOR_SHARE
 from gip_localizer.core.search.local_search import (
     around_winner,
     coarse_factor,
-    Found,
     lattice_scores,
     search_window,
+    SearchResult,
 )
 from gip_localizer.core.search.map_crops import MapCrops
-from gip_localizer.core.search.window import Extent
+from gip_localizer.core.search.window import SearchWindow
 from gip_localizer.parameters import Parameters
 
 HEADINGS_AT_ONCE = 12  # bounds the memory
@@ -42,7 +42,7 @@ LOCAL_COVARIANCE = np.eye(3)  # m^2, rad^2: local searches hardly use the coarse
 def global_search(
     view: View, weight: Floats, crops: MapCrops, stamp_ns: int, parameters: Parameters,
     *, refiner: Refiner, map_noise: float,
-) -> Found | None:
+) -> SearchResult | None:
     """
     Find the view anywhere on the map, at any heading.
 
@@ -50,7 +50,7 @@ def global_search(
 
     Returns
     -------
-    Found or None
+    SearchResult or None
         The best local search, with the winner's mass taken over all of them; None where the map
         and the view share nothing.
 
@@ -60,10 +60,12 @@ def global_search(
         return None
     normalized = parameters.score.normalized
     side = 1.5 * places[0].step
-    extent = Extent(side, side, 1.2 * parameters.recovery.yaw_step, parameters.search.yaw_step,
-                    parameters.score.min_overlap)
+    extent = SearchWindow(
+        side, side, 1.2 * parameters.recovery.yaw_step, parameters.search.yaw_step,
+        parameters.score.min_overlap,
+    )
 
-    def searched(pose: Pose2) -> Found | None:
+    def searched(pose: Pose2) -> SearchResult | None:
         found = search_window(
             view, weight, crops, Belief(stamp_ns, pose, LOCAL_COVARIANCE), extent,
             refiner=refiner, normalized=normalized, map_noise=map_noise,
@@ -76,27 +78,27 @@ def global_search(
     ]
     searches = [
         searched(place.pose) for place, alike in zip(places, likeness, strict=True)
-        if alike >= RIVAL_SHARE * max(likeness)
+        if alike >= COMPETITOR_SHARE * max(likeness)
     ]
     found = _one_each([f for f in searches if f is not None])
     if not found:
         return None
     found[0] = around_winner(found[0], searched) or found[0]
-    found.sort(key=_merit, reverse=True)  # a look around may find less than another place has
-    return _with_rivals(found, independent_cells(weight))
+    found.sort(key=_fit_score, reverse=True)  # a look around may find less than another place has
+    return _with_competitors(found, independent_cells(weight))
 
 
-def _merit(found: Found) -> float:
-    return found.fits[0].merit
+def _fit_score(found: SearchResult) -> float:
+    return found.fits[0].fit_score
 
 
-def _one_each(searches: list[Found]) -> list[Found]:
+def _one_each(searches: list[SearchResult]) -> list[SearchResult]:
     """Of searches that end at one place, leave the one that looked around it; best first."""
-    kept: list[Found] = []
+    kept: list[SearchResult] = []
     for found in sorted(searches, key=lambda search: search.beyond):
         if all(found.fits[0].distance(other.fits[0]) > SAME_PLACE for other in kept):
             kept.append(found)
-    return sorted(kept, key=_merit, reverse=True)
+    return sorted(kept, key=_fit_score, reverse=True)
 
 
 def _likeness(scores: Scores) -> float:
@@ -162,16 +164,16 @@ def _reach(grid: Grid) -> float:
     return float(math.hypot(grid.far - 0.5 * grid.rows * grid.resolution, 0.0))
 
 
-def _with_rivals(found: list[Found], cells: float) -> Found:
+def _with_competitors(found: list[SearchResult], cells: float) -> SearchResult:
     """Return the best local search beside the other places, its winner's mass less theirs."""
     best = found[0]
     winner = best.fits[0]
-    rivals = [f.fits[0] for f in found[1:] if f.fits[0].distance(winner) > SAME_PLACE]
+    competitors = [f.fits[0] for f in found[1:] if f.fits[0].distance(winner) > SAME_PLACE]
     evidence = [
-        math.exp(max(-0.5 * cells * math.expm1(2.0 * (winner.merit - f.merit)), -700.0))
-        for f in rivals
+        math.exp(max(-0.5 * cells * math.expm1(2.0 * (winner.fit_score - f.fit_score)), -700.0))
+        for f in competitors
     ]
     mass = 1.0 / (1.0 + sum(evidence))
     assert best.surface is not None
     surface = replace(best.surface, winner_mass=best.surface.winner_mass * mass)
-    return replace(best.beside(rivals), surface=surface)
+    return replace(best.beside(competitors), surface=surface)

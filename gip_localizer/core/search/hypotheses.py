@@ -8,22 +8,22 @@ from dataclasses import dataclass
 from functools import cached_property
 import math
 
-from gip_localizer.core.match.posterior import subcell_peak, Surface
+from gip_localizer.core.match.posterior import PosteriorSurface, subcell_peak
 from gip_localizer.core.match.score_surface import Scores
 from gip_localizer.core.pose import Pose2
 
-MOST_RIVALS = 2
-RIVAL_SHARE = 0.6  # of the best correlation on the lattice, from which a place is a rival, ...
-TWIN_SHARE, MOST_TWINS = 0.9, 6  # ... and a twin, of which more are looked at
-RIVAL_DISTANCE = 0.3  # m from the winner
+MOST_COMPETITORS = 2
+COMPETITOR_SHARE = 0.6  # least share of the best lattice correlation of a competitor
+NEAR_TIE_SHARE, MOST_NEAR_TIES = 0.9, 6  # the same of a near tie, and how many are refined
+COMPETITOR_DISTANCE = 0.3  # m, least distance of a competitor from the winner
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class Hypothesis:
     """A mode of the lattice's posterior."""
 
     scores: Scores
-    surface: Surface
+    surface: PosteriorSurface
     index: tuple[int, int, int]
     pitch: float
 
@@ -44,20 +44,20 @@ class Start:
         return self.scores.lattice.pose(subcell_peak(self.surface, self.index))
 
 
-def rivals(starts: list[Start], winner: Pose2) -> list[Start]:
+def competitors(hypotheses: list[Hypothesis], winner: Pose2) -> list[Hypothesis]:
     """
-    Places that look nearly as good on the lattice as the winner: two, or more if they are twins.
+    Return places that look nearly as good on the lattice as the winner: two, or more near ties.
 
     The posterior cannot tell: it knows nothing of what the lattice's coarse cells cost a place
     that lies between them.
 
     """
-    best = max(start.correlation for start in starts)
-    rivals: list[Start] = []
-    for start in starts:
-        others = [winner, *(rival.pose for rival in rivals)]
+    best = max(start.correlation for start in hypotheses)
+    found: list[Hypothesis] = []
+    for start in hypotheses:
+        others = [winner, *(other.pose for other in found)]
         apart = [math.hypot(start.pose.x - p.x, start.pose.y - p.y) for p in others]
-        if start.correlation > RIVAL_SHARE * best and min(apart) > RIVAL_DISTANCE:
-            rivals.append(start)
-    twins = [rival for rival in rivals if rival.correlation > TWIN_SHARE * best]
-    return list(dict.fromkeys(rivals[:MOST_RIVALS] + twins[:MOST_TWINS]))
+        if start.correlation > COMPETITOR_SHARE * best and min(apart) > COMPETITOR_DISTANCE:
+            found.append(start)
+    near_ties = [other for other in found if other.correlation > NEAR_TIE_SHARE * best]
+    return list(dict.fromkeys(found[:MOST_COMPETITORS] + near_ties[:MOST_NEAR_TIES]))

@@ -3,8 +3,8 @@
 """
 Steps 3 and 4 about one place: score a window of candidates, refine the best modes, keep one.
 
-The lattice is scored on joined cells (`Extent.cell`), whose sums lose nothing but detail; the
-continuous refinement on the full view then gives the pose.
+The lattice is scored on joined cells (`SearchWindow.cell`), whose sums lose nothing but
+detail; the continuous refinement on the full view then gives the pose.
 
 """
 
@@ -26,29 +26,30 @@ from gip_localizer.core.match.posterior import (
     independent_cells,
     modes,
     posterior_surface,
-    Surface,
+    PosteriorSurface,
 )
 from gip_localizer.core.match.score_surface import make_lattice, match, Scores
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.refine.fit import Fit
 from gip_localizer.core.refine.refiner import Refiner
-from gip_localizer.core.search.hypotheses import rivals, Start
+from gip_localizer.core.search.hypotheses import competitors, Hypothesis
 from gip_localizer.core.search.map_crops import MapCrops
-from gip_localizer.core.search.window import Extent
+from gip_localizer.core.search.window import SearchWindow
 from gip_localizer.core.threads import check_end
 
 PEAKS = 8  # of each score surface that are looked at
-PLAIN_WINNER = 1.0  # merit of a fit beside which no other mode needs a look, ...
+PLAIN_WINNER = 1.0  # fit_score of a fit beside which no other mode needs a look, ...
 PLAIN_DISPERSION = 2.2  # ... unless the parts of the view contradict each other more than this
-ASIDE = (-0.2, 0.2)  # m along the weakest direction: starts beside a fit that ...
+ASIDE = (-0.2, 0.2)  # m along the weakest direction: hypotheses beside a fit that ...
 VALLEY = 3.0  # ... lies in a valley (anisotropy), or is good but contradicts itself
-CALM = (0.002, 0.5)  # rad, merit: a fit that has turned less and is better, cars or not, is level
+# Largest pitch (rad) and least fit score at which the camera counts as at its calibrated pitch.
+CALM = (0.002, 0.5)
 HOPELESS = -40.0  # log posterior below the winner's at which a mode is not refined
 MOST_BEYOND = 0.05  # m outside the searched window, where nothing was compared with the match
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SearchResult:
     """
     What a search found.
 
@@ -56,7 +57,7 @@ class Found:
     ----------
     scores : Scores
         The surface on the lattice.
-    surface : Surface or None
+    surface : PosteriorSurface or None
         Its posterior; None where no candidate overlaps the map enough.
     fits : list of Fit
         Refined modes, best first.
@@ -64,12 +65,12 @@ class Found:
     """
 
     scores: Scores
-    surface: Surface | None
+    surface: PosteriorSurface | None
     fits: list[Fit]
 
-    def beside(self, fits: list[Fit]) -> Found:
-        """Return it with what was found by another look, its rivals too."""
-        return replace(self, fits=sorted([*self.fits, *fits], key=lambda fit: -fit.merit))
+    def beside(self, fits: list[Fit]) -> SearchResult:
+        """Return it with what was found by another look, its competitors too."""
+        return replace(self, fits=sorted([*self.fits, *fits], key=lambda fit: -fit.fit_score))
 
     @property
     def beyond(self) -> float:
@@ -86,8 +87,8 @@ class Found:
 
 
 def around_winner(
-    found: Found | None, search: Callable[[Pose2], Found | None]
-) -> Found | None:
+    found: SearchResult | None, search: Callable[[Pose2], SearchResult | None]
+) -> SearchResult | None:
     """
     Return a search, or one more with all that is around its best fit if that lies beyond.
 
@@ -106,9 +107,9 @@ def coarse_factor(resolution: float, cell: float) -> int:
 
 
 def search_window(
-    view: View, weight: Floats, crops: MapCrops, prior: Belief, extent: Extent, *,
+    view: View, weight: Floats, crops: MapCrops, prior: Belief, extent: SearchWindow, *,
     refiner: Refiner, normalized: bool, map_noise: float,
-) -> Found | None:
+) -> SearchResult | None:
     """
     Find the best poses in a window about a prior.
 
@@ -120,7 +121,7 @@ def search_window(
         Of the map.
     prior : Belief
         Centre of the window, and a prior on the candidates.
-    extent : Extent
+    extent : SearchWindow
         Size of the window.
     refiner : Refiner
         For the view's calibration.
@@ -131,7 +132,7 @@ def search_window(
 
     Returns
     -------
-    Found or None
+    SearchResult or None
         None where the window lies off the map.
 
     """
@@ -149,17 +150,17 @@ def search_window(
     scored = partial(_scored, view, weight, crops, prior, extent, refiner.camera, normalized)
     quickly = partial(refiner.refine, finer) if extent.near and len(finer) > 1 else None
     unevenly = partial(refined, uneven=True) if normalized else None
-    window = _Window(scored, refined, quickly, unevenly)
-    level, *swayed = refiner.pitches
+    window = _WindowSearch(scored, refined, quickly, unevenly)
+    level, *pitched_views = refiner.pitches
     window.score(level)
     if not window.is_level():
-        for pitch in swayed:
+        for pitch in pitched_views:
             window.score(pitch)
     window.refine(extent.modes)
     return window.found()
 
 
-class _Window:
+class _WindowSearch:
     """
     A window while it is searched.
 
@@ -178,15 +179,15 @@ class _Window:
     """
 
     def __init__(
-        self, scored: Callable[[float], tuple[Scores, Surface | None]],
+        self, scored: Callable[[float], tuple[Scores, PosteriorSurface | None]],
         refined: Callable[..., Fit], quickly: Callable[..., Fit] | None,
         unevenly: Callable[..., Fit] | None,
     ) -> None:
         self._scored, self._refined, self._quickly = scored, refined, quickly
         self._unevenly, self._uneven = unevenly, False
         self._scores: list[Scores] = []
-        self._starts: list[Start] = []
-        self._fits: dict[Start | Pose2, Fit] = {}
+        self._hypotheses: list[Hypothesis] = []
+        self._fits: dict[Hypothesis | Pose2, Fit] = {}
 
     def score(self, pitch: float) -> None:
         """Score the lattice for a pitch and keep its modes."""
@@ -194,19 +195,19 @@ class _Window:
         self._scores.append(scores)
         if surface is not None:
             places = modes(surface, PEAKS)
-            self._starts += [Start(scores, surface, place, pitch) for place in places]
-            self._starts.sort(key=lambda start: start.residual)
+            self._hypotheses += [Hypothesis(scores, surface, place, pitch) for place in places]
+            self._hypotheses.sort(key=lambda start: start.residual)
 
     def refine(self, most: int) -> None:
         """Refine the best modes until one is plainly the winner."""
-        worthy = [start for start in self._starts if start.log_posterior > HOPELESS]
+        worthy = [start for start in self._hypotheses if start.log_posterior > HOPELESS]
         any(_is_plain(self._fit(start)) for start in worthy[:most])
 
     def is_level(self) -> bool:
         """Tell whether the best mode is good and does not look as if the camera were pitched."""
-        if not self._starts:
+        if not self._hypotheses:
             return False
-        start = self._starts[0]
+        start = self._hypotheses[0]
         if self._quickly is not None:
             quick = self._quickly(start.pose, pitch=start.pitch)
             fit = self._in_better_light(quick, start)
@@ -214,61 +215,61 @@ class _Window:
                 self._fits[start] = fit
         fit = self._fit(start)
         calm = bool(abs(fit.camera_motion[0]) < CALM[0])
-        return _is_plain(fit) or (calm and fit.merit > CALM[1])
+        return _is_plain(fit) or (calm and fit.fit_score > CALM[1])
 
-    def found(self) -> Found:
-        """Look beside a winner that may be the wrong one of several, and at its rivals."""
+    def found(self) -> SearchResult:
+        """Look beside a winner that may be the wrong one of several, and at its competitors."""
         if not self._fits:
-            return Found(self._scores[0], None, [])
+            return SearchResult(self._scores[0], None, [])
         best = self._best()
         if self._may_be_one_of_several(best):
             for distance in ASIDE:
                 beside = best.pose @ best.along_weakest(distance)
                 self._fits[beside] = self._refined(beside)
             best = self._best()
-        for start in rivals(self._starts, best.pose):
+        for start in competitors(self._hypotheses, best.pose):
             self._fit(start)
-        fits = sorted(self._fits.values(), key=lambda fit: -fit.merit)
-        return Found(self._starts[0].scores, self._starts[0].surface, fits)
+        fits = sorted(self._fits.values(), key=lambda fit: -fit.fit_score)
+        return SearchResult(self._hypotheses[0].scores, self._hypotheses[0].surface, fits)
 
     def _may_be_one_of_several(self, best: Fit) -> bool:
         """Tell a fit in a valley, where no fix before says which hollow, or that contradicts."""
-        if best.merit <= PLAIN_WINNER:
+        if best.fit_score <= PLAIN_WINNER:
             return False
         if self._quickly is None and best.anisotropy > VALLEY:
             return True
         light_explains = self._uneven and self._quickly is not None
         return not (_is_plain(best) or light_explains)
 
-    def _fit(self, start: Start) -> Fit:
+    def _fit(self, start: Hypothesis) -> Fit:
         if start not in self._fits:
             fit = self._refined(start.pose, pitch=start.pitch)
             self._fits[start] = self._in_better_light(fit, start)
         return self._fits[start]
 
-    def _in_better_light(self, fit: Fit, start: Start) -> Fit:
+    def _in_better_light(self, fit: Fit, start: Hypothesis) -> Fit:
         """Look again under uneven light at the best start; the others follow it."""
-        if self._unevenly is None or start is not self._starts[0] or _is_plain(fit):
+        if self._unevenly is None or start is not self._hypotheses[0] or _is_plain(fit):
             return fit
         other = self._unevenly(start.pose, pitch=start.pitch)
-        self._uneven = other.merit > fit.merit
+        self._uneven = other.fit_score > fit.fit_score
         if self._uneven:
             self._refined = self._unevenly
         self._unevenly = None
         return other if self._uneven else fit
 
     def _best(self) -> Fit:
-        return max(self._fits.values(), key=lambda fit: fit.merit)
+        return max(self._fits.values(), key=lambda fit: fit.fit_score)
 
 
 def _is_plain(fit: Fit) -> bool:
-    return fit.merit > PLAIN_WINNER and fit.overdispersion < PLAIN_DISPERSION
+    return fit.fit_score > PLAIN_WINNER and fit.overdispersion < PLAIN_DISPERSION
 
 
 def _scored(
-    view: View, weight: Floats, crops: MapCrops, prior: Belief, extent: Extent,
+    view: View, weight: Floats, crops: MapCrops, prior: Belief, extent: SearchWindow,
     camera: CameraModel, normalized: bool, pitch: float,
-) -> tuple[Scores, Surface | None]:
+) -> tuple[Scores, PosteriorSurface | None]:
     """Score the window as if the camera were pitched; no surface where nothing overlaps."""
     moved, moved_weight = pitched(camera, view, weight, pitch)
     scores = lattice_scores(
@@ -280,7 +281,7 @@ def _scored(
 
 
 def lattice_scores(
-    view: View, weight: Floats, crops: MapCrops, anchor: Pose2, extent: Extent, *,
+    view: View, weight: Floats, crops: MapCrops, anchor: Pose2, extent: SearchWindow, *,
     normalized: bool,
 ) -> Scores:
     """Score the window on cells joined up to `extent.cell`."""

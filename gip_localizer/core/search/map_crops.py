@@ -20,7 +20,7 @@ from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.map.crop import Crop
 from gip_localizer.core.map.raster_map import Box, RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.search.window import Extent
+from gip_localizer.core.search.window import SearchWindow
 
 SNAP = 1.6  # m
 KEPT = 4
@@ -44,7 +44,7 @@ class MapCrops:
         self.raster_map = raster_map
         self._kept: OrderedDict[tuple[Box, float], Crop] = OrderedDict()
 
-    def about(self, grid: Grid, pose: Pose2, extent: Extent, cell: float) -> Crop | None:
+    def about(self, grid: Grid, pose: Pose2, extent: SearchWindow, cell: float) -> Crop | None:
         """
         Return the part that any candidate of a window may touch.
 
@@ -54,7 +54,7 @@ class MapCrops:
             Of the view.
         pose : Pose2
             Middle of the window, base in map.
-        extent : Extent
+        extent : SearchWindow
             Size of the window.
         cell : float
             Side of the cells (m) that will be compared with it.
@@ -82,7 +82,7 @@ class MapCrops:
 
 
 @lru_cache(maxsize=4)
-def _touched(grid: Grid, pose: Pose2, extent: Extent) -> Floats:
+def _touched(grid: Grid, pose: Pose2, extent: SearchWindow) -> Floats:
     """Corners (n, 2) of the view at the headings of the window, metres in the map."""
     turns = pose.yaw + np.linspace(-extent.yaw, extent.yaw, 2 + int(extent.yaw / 0.1))
     cos, sin = np.cos(turns), np.sin(turns)

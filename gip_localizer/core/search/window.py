@@ -18,7 +18,7 @@ FOLLOWED_MARGIN = (0.2, 0.0150)  # m, rad: and this beyond them
 
 
 @dataclass(frozen=True)
-class Extent:
+class SearchWindow:
     """
     A window of candidates.
 
@@ -49,29 +49,31 @@ class Extent:
     near: bool = False
 
 
-def whole(_: Belief, parameters: Parameters) -> Extent:
+def configured_window(_: Belief, parameters: Parameters) -> SearchWindow:
     """Return the window that the parameters give."""
     search = parameters.search
-    return Extent(search.x, search.y, search.yaw, search.yaw_step, parameters.score.min_overlap)
+    return SearchWindow(
+        search.x, search.y, search.yaw, search.yaw_step, parameters.score.min_overlap
+    )
 
 
-def first_fix(prior: Belief, parameters: Parameters) -> Extent:
+def first_fix_window(prior: Belief, parameters: Parameters) -> SearchWindow:
     """Return the window about a prior from outside: wider where that says so."""
     search, (sigma, sigma_yaw) = parameters.search, _sigmas(prior)
     wide = min(FIRST_FIX_SIGMAS * sigma, FIRST_FIX_LIMITS[0])
     wide_yaw = min(FIRST_FIX_SIGMAS * sigma_yaw, FIRST_FIX_LIMITS[1])
-    return Extent(
+    return SearchWindow(
         max(search.x, wide), max(search.y, wide), max(search.yaw, wide_yaw), search.yaw_step,
         parameters.score.min_overlap,
     )
 
 
-def followed(prior: Belief, parameters: Parameters) -> Extent:
+def tracking_window(prior: Belief, parameters: Parameters) -> SearchWindow:
     """Return the window about a belief that published fixes confirm: only what it leaves open."""
     search, (sigma, sigma_yaw) = parameters.search, _sigmas(prior)
     near = FOLLOWED_SIGMAS * sigma + FOLLOWED_MARGIN[0]
     near_yaw = FOLLOWED_SIGMAS * sigma_yaw + FOLLOWED_MARGIN[1]
-    return Extent(
+    return SearchWindow(
         min(search.x, near), min(search.y, near), min(search.yaw, near_yaw), search.yaw_step,
         parameters.score.min_overlap, modes=1, cell=FOLLOWED_CELL, near=True,
     )

@@ -4,7 +4,7 @@
 Whether odometry is to be believed: the motion that it tells against that between fixes.
 
 Odometry that stands at zero, is of another vehicle or in other units is well-formed, and only the
-matches show that it is wrong. While it is doubted the velocity of the fixes is held instead.
+matches show that it is wrong. While it is rejected the velocity of the fixes is held instead.
 
 """
 
@@ -27,20 +27,20 @@ MAX_ACCELERATION, MAX_TURN_ACCELERATION = 20.0, 10.0
 
 
 @dataclass
-class OdometryTrust:
+class OdometryCheck:
     """
     Judges odometry by the fixes.
 
     Attributes
     ----------
-    doubted : bool
+    rejected : bool
         Odometry is not to be used.
     detail : str
         What the last contradiction was; empty while there is none.
 
     """
 
-    doubted: bool = False
+    rejected: bool = False
     detail: str = ''
     _against: int = 0
     _for: int = 0
@@ -63,7 +63,7 @@ class OdometryTrust:
         self._overruled = False
         if held is None:
             return True  # nothing better is known
-        if self.doubted:
+        if self.rejected:
             return False
         apart = math.hypot(told.x - held.x, told.y - held.y)
         turned = abs(wrap_angle(told.yaw - held.yaw))
@@ -113,11 +113,11 @@ class OdometryTrust:
         self._for = 0
         self._against += 1
         if self._overruled or self._against >= TURNS:
-            self.doubted = True
+            self.rejected = True
 
     def _agreed(self) -> None:
         self._against = 0
         self._for += 1
-        if not self.doubted or self._for >= TURNS:
-            self.doubted = False
+        if not self.rejected or self._for >= TURNS:
+            self.rejected = False
             self.detail = ''

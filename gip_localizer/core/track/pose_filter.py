@@ -23,7 +23,7 @@ from gip_localizer.core.track.odometry import MAX_TURN, OdometryBuffer
 from gip_localizer.core.track.odometry_check import (
     MAX_ACCELERATION,
     MAX_TURN_ACCELERATION,
-    OdometryTrust,
+    OdometryCheck,
 )
 from gip_localizer.parameters import Motion
 
@@ -37,7 +37,7 @@ BLIND = 5.0  # times as much drift with time where odometry does not tell the mo
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class FilterState:
     """
     What fixes and motion tell.
 
@@ -60,7 +60,7 @@ class Known:
 
 
 
-class Tracker:
+class PoseFilter:
     """
     Keeps the belief between frames.
 
@@ -74,8 +74,8 @@ class Tracker:
     def __init__(self, motion: Motion) -> None:
         self._noise = motion
         self.odometry = OdometryBuffer(motion)
-        self.trust = OdometryTrust()
-        self.known = Known()
+        self.odometry_check = OdometryCheck()
+        self.known = FilterState()
         self.prediction_source = 'none'
 
     @property
@@ -94,9 +94,9 @@ class Tracker:
 
     def reset(self, belief: Belief | None) -> None:
         """Start again from a belief, or from none."""
-        self.known = Known(belief)
+        self.known = FilterState(belief)
         if belief is None:
-            self.trust = OdometryTrust()
+            self.odometry_check = OdometryCheck()
 
     def begin(self, fix: Belief) -> None:
         """
@@ -106,7 +106,7 @@ class Tracker:
         of the whole map is over.
 
         """
-        self.known = Known(fix, last_fix=self.known.last_fix)
+        self.known = FilterState(fix, last_fix=self.known.last_fix)
         self._learn_velocity(fix)
 
     def predict(self, stamp_ns: int) -> Belief | None:
@@ -125,7 +125,7 @@ class Tracker:
         assert self.belief is not None
         measured = self.odometry.motion(self.belief.stamp_ns, stamp_ns)
         held = self._held_motion(elapsed, stamp_ns)
-        if measured is not None and self.trust.usable(measured, held, elapsed):
+        if measured is not None and self.odometry_check.usable(measured, held, elapsed):
             self.prediction_source = 'odometry'
             return measured, 1.0
         if held is not None:
@@ -144,7 +144,7 @@ class Tracker:
     def moved_since(self, stamp_ns: int, now_ns: int) -> Pose2 | None:
         """Return the motion from one stamp to another as far as it is known without a match."""
         measured = self.odometry.motion(stamp_ns, now_ns)
-        if measured is not None and not self.trust.doubted:
+        if measured is not None and not self.odometry_check.rejected:
             return measured
         return self._held_motion((now_ns - stamp_ns) * 1e-9, now_ns)
 
@@ -237,7 +237,7 @@ class Tracker:
         elapsed = (fix.stamp_ns - since.stamp_ns) * 1e-9
         drift = self._drift(1.0, (0.0, math.hypot(told.x, told.y)), (0.0, elapsed))
         spread = since.covariance + fix.covariance + drift
-        done = self.trust.compare(
+        done = self.odometry_check.compare(
             told, since.pose.inverse() @ fix.pose, math.sqrt(spread[0, 0] + spread[1, 1]),
             math.sqrt(spread[2, 2]), elapsed,
         )

@@ -17,7 +17,7 @@ LEAP_NS = 60_000_000_000  # a step ahead by more than this must be confirmed
 LONG_PAST_NS = 20_000_000_000  # before the last frame: beyond what odometry reaches back
 
 
-class FrameOrder:
+class StampCheck:
     """
     Judges the stamps of frames as they come.
 

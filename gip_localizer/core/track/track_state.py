@@ -9,7 +9,7 @@ import math
 from gip_localizer.parameters import Parameters
 
 
-class Standing:
+class TrackState:
     """
     Counts what the frames said.
 

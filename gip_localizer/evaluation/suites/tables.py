@@ -13,7 +13,7 @@ import numpy as np
 from gip_localizer.evaluation.suites.suite import Cell, Record, Section
 
 FIGURES = (
-    'confidence', 'lead', 'lattice_correlation', 'agreement', 'overdispersion', 'winner_mass',
+    'confidence', 'margin', 'lattice_correlation', 'agreement', 'overdispersion', 'winner_mass',
 )
 COLUMNS = (
     'suite', 'part', 'index', 'kind', 'status', 'ahead_m', 'left_m', 'yaw_rad', 'raw_ahead_m',

@@ -15,7 +15,7 @@ import numpy as np
 from gip_localizer.core.arrays import Floats, Grey
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.estimate import Estimate, Status
-from gip_localizer.core.guard import survived
+from gip_localizer.core.guard import run_guarded
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import difference, Pose2
@@ -181,7 +181,7 @@ def localized(
 ) -> Estimate:
     """Localize a frame; an error that nobody foresaw is told, and costs this frame alone."""
     work = partial(localizer.update, stamp_ns, image, camera)
-    return survived(work, stamp_ns, partial(print, file=sys.stderr))
+    return run_guarded(work, stamp_ns, partial(print, file=sys.stderr))
 
 
 def compared(estimate: Estimate, truth: Pose2) -> Trial:

@@ -25,7 +25,7 @@ from gip_localizer.core.gramian import gramian
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.search.local_search import lattice_scores
 from gip_localizer.core.search.map_crops import MapCrops
-from gip_localizer.core.search.window import Extent
+from gip_localizer.core.search.window import SearchWindow
 from gip_localizer.evaluation.suites.conditions import CAR_CAMERA, CARS, CHANGED, NIGHT, Setup
 from gip_localizer.evaluation.suites.suite import Bound, Cell, of_part, Record, Section, share
 from gip_localizer.evaluation.suites.trials import Bench, compared, is_wrong, ORIGIN, Spread, Trial
@@ -140,7 +140,7 @@ def rectifier(bench: Bench, cell: float) -> Rectifier:
 def _by_norms(bench: Bench, image: np.ndarray, start: Pose2) -> dict[str, Pose2 | None]:  # type: ignore[type-arg]
     view = rectifier(bench, bench.parameters.birdseye.resolution).rectify(image)
     search, score = bench.parameters.search, bench.parameters.score
-    extent = Extent(search.x, search.y, search.yaw, search.yaw_step, score.min_overlap)
+    extent = SearchWindow(search.x, search.y, search.yaw, search.yaw_step, score.min_overlap)
     weights = _weights(view, estimate_pixel_noise(image), score.map_noise)
     found: dict[str, Pose2 | None] = {}
     for name, (weight, normalized) in NORMS.items():

@@ -14,7 +14,7 @@ MOST_SECONDS = 1e9
 
 
 @dataclass(frozen=True)
-class Window:
+class BagWindow:
     """
     The part of a bag to replay.
 

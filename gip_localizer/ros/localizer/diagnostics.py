@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`/diagnostics`: what `Health` tells, once a second and when it changes."""
+"""`/diagnostics`: what `HealthMonitor` tells, once a second and when it changes."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Header
 
-from gip_localizer.session.diagnostic_rules import Level
-from gip_localizer.session.diagnostics import Health, Report
+from gip_localizer.session.diagnostic_rules import Severity
+from gip_localizer.session.diagnostics import HealthMonitor, Report
 
 
-class Diagnostics:
+class DiagnosticsPublisher:
     """
     Publishes the statuses of a node, and logs what changes in them.
 
@@ -23,12 +23,12 @@ class Diagnostics:
     ----------
     node : Node
         Publishes and logs.
-    health : Health
+    health : HealthMonitor
         Asked each time.
 
     """
 
-    def __init__(self, node: Node, health: Health) -> None:
+    def __init__(self, node: Node, health: HealthMonitor) -> None:
         self._node = node
         self._health = health
         self._publisher = node.create_publisher(
@@ -54,14 +54,14 @@ class Diagnostics:
         ))  # fmt: skip
         rules = _rules(reports)
         for report in reports:
-            if rules[report.concern.name] != self._told.get(report.concern.name, ''):
+            if rules[report.group.name] != self._told.get(report.group.name, ''):
                 self._log(report)
         self._told = rules
 
     def _log(self, report: Report) -> None:
-        text = f'{report.concern.name}: {report.message}'
+        text = f'{report.group.name}: {report.message}'
         # rclpy ties a severity to the line that logs.
-        if report.level is Level.OK:
+        if report.level is Severity.OK:
             self._node.get_logger().info(text)
         else:
             self._node.get_logger().warning(text)
@@ -69,14 +69,14 @@ class Diagnostics:
 
 def _rules(reports: Sequence[Report]) -> dict[str, str]:
     return {
-        report.concern.name: ' '.join(rule.name for rule in report.rules)
+        report.group.name: ' '.join(rule.name for rule in report.rules)
         for report in reports
     }
 
 
 def _status(node: str, report: Report) -> DiagnosticStatus:
     status = DiagnosticStatus(
-        level=bytes([report.level]), name=f'{node}: {report.concern.name}',
+        level=bytes([report.level]), name=f'{node}: {report.group.name}',
         message=report.message, hardware_id=node,
     )  # fmt: skip
     status.values = [KeyValue(key=key, value=value) for key, value in report.figures.items()]

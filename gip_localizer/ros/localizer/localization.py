@@ -4,7 +4,7 @@
 Topics and services around a `Frontend`: the working part of the node, plain or managed.
 
 A frame goes: take what waits, localize, publish, tell what has changed. A search of the whole
-map, which takes seconds, is done by a worker; what concerns the localizer waits for it, while
+map, which takes seconds, is done by a worker; what groups the localizer waits for it, while
 services, parameters and diagnostics are answered.
 
 """
@@ -22,19 +22,19 @@ from std_srvs.srv import SetBool, Trigger
 
 from gip_localizer.core.camera.model import Extrinsics
 from gip_localizer.core.estimate import Estimate, Status
-from gip_localizer.core.guard import survived
+from gip_localizer.core.guard import run_guarded
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.errors import ParameterError
 from gip_localizer.io.map_files import load_map
 from gip_localizer.io.messages import stamp_ns
 from gip_localizer.parameters import Parameters
-from gip_localizer.ros.localizer.diagnostics import Diagnostics
+from gip_localizer.ros.localizer.diagnostics import DiagnosticsPublisher
 from gip_localizer.ros.localizer.publishers import Outputs
 from gip_localizer.ros.localizer.subscriptions import Inputs, Localize
 from gip_localizer.ros.localizer.transforms import CameraFromTf, MapToOdom
 from gip_localizer.ros.localizer.worker import Worker
 from gip_localizer.ros.parameters import warn_of_unknown_qos
-from gip_localizer.session.diagnostics import Health
+from gip_localizer.session.diagnostics import HealthMonitor
 from gip_localizer.session.frontend import Frontend
 from gip_localizer.session.pose_file import map_hash
 from gip_localizer.session.pose_restore import StateKeeper
@@ -70,7 +70,9 @@ class Localization:
         self._frontend = Frontend(raster_map, parameters)
         self._parameters = parameters
         self._extrinsics: Extrinsics | None = None
-        self._health = Health(parameters.diagnostics, _map_figures(raster_map), active=active)
+        self._health = HealthMonitor(
+            parameters.diagnostics, _map_figures(raster_map), active=active
+        )
         self._keeper = StateKeeper(
             self._frontend.localizer, partial(self._health.happened, 'STATE_REFUSED')
         )
@@ -80,7 +82,7 @@ class Localization:
     def _wire(self, raster_map: RasterMap) -> None:
         node, frames = self._node, self._parameters.frames
         self._outputs = Outputs(node, frames.map, raster_map)
-        self._diagnostics = Diagnostics(node, self._health)
+        self._diagnostics = DiagnosticsPublisher(node, self._health)
         self._worker: Worker[Estimate] = Worker(node)
         self._tf = None
         if self._parameters.tf.publish:
@@ -136,7 +138,7 @@ class Localization:
         searches = self._frontend.localizer.searches(stamp)
         self._health.begins(search=searches)
         log = self._node.get_logger().error
-        work = partial(survived, partial(localize, message), stamp, log)
+        work = partial(run_guarded, partial(localize, message), stamp, log)
         finish = partial(self._finish, started)
         if unplaced := self._unplaced(message):
             finish(unplaced)
@@ -152,8 +154,8 @@ class Localization:
         self._health.took(estimate, elapsed_ms)
         if seconds := self._frontend.localizer.went_back:
             self._health.time_went_back(seconds)
-        self._health.prediction = self._frontend.localizer.tracker.prediction_source
-        self._health.doubts = self._frontend.doubts
+        self._health.prediction = self._frontend.localizer.pose_filter.prediction_source
+        self._health.warnings = self._frontend.warnings
         self._health.overtaken = self._inputs.overtaken
         self._tell_changes()
 
@@ -179,7 +181,7 @@ class Localization:
     def _publish_transform(self, estimate: Estimate) -> None:
         if self._tf is None or estimate.pose is None:
             return
-        odometry = self._frontend.localizer.tracker.odometry.pose_at(estimate.stamp_ns)
+        odometry = self._frontend.localizer.pose_filter.odometry.pose_at(estimate.stamp_ns)
         if odometry is None:
             self._health.lasting['NO_TF'] = 'no odometry at the stamp of the image'
             return

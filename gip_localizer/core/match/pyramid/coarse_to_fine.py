@@ -25,9 +25,9 @@ import cv2
 import numpy as np
 
 from gip_localizer.core.match.lattice import Index
-from gip_localizer.core.match.peaks import Mode, modes_of, Peak, Surface
+from gip_localizer.core.match.peaks import Mode, modes_of, Peak, ResidualLookup
 from gip_localizer.core.match.pyramid.level import Level
-from gip_localizer.core.match.pyramid.local_scores import Probe
+from gip_localizer.core.match.pyramid.local_scores import LocalScores
 from gip_localizer.core.match.score_surface import score_yaws
 from gip_localizer.core.match.scoring import Residuals, Scorer
 from gip_localizer.core.pose import Pose2
@@ -114,7 +114,7 @@ def pyramid_winner(
     count = kept[0] if len(levels) > 2 else min(2 * CLIMBED, kept[0])
     modes, depth = _best_of_all(levels[0], normalized, loose, count)
     for above, below in pairwise(levels[:-1]):
-        probe = Probe(below, normalized=normalized, min_overlap=loose)
+        probe = LocalScores(below, normalized=normalized, min_overlap=loose)
         probe.score(near for _, mode in modes for near in probe.box(_below(above, below, mode)))
         probe.close()
         modes = _best_known(probe, kept[1], WITHIN[1] * depth)
@@ -147,7 +147,7 @@ def _climbs(
     level: Level, places: list[Index], normalized: bool, min_overlap: float
 ) -> dict[Index, float]:
     """Climb from each place on the level's own cells; return what was scored."""
-    make = partial(Probe, level, normalized=normalized, min_overlap=min_overlap)
+    make = partial(LocalScores, level, normalized=normalized, min_overlap=min_overlap)
     probe = make() if level.window.size <= SMALL_WINDOW * math.prod(level.canvas.shape) else None
     known: dict[Index, float] = probe.known if probe else {}
     for place in places:
@@ -213,10 +213,10 @@ def _best_of_all(
     order = order[flat[order] <= least + WITHIN[0] * depth]
     order = order[np.lexsort((order, flat[order]))]
     places = np.stack(np.unravel_index(order, residual.shape), axis=1)
-    return modes_of(places, Surface(residual), count), depth
+    return modes_of(places, ResidualLookup(residual), count), depth
 
 
-def _best_known(probe: Probe, count: int, above: float) -> list[Mode]:
+def _best_known(probe: LocalScores, count: int, above: float) -> list[Mode]:
     """Return the modes among what was scored, at most so far above the best of them."""
     values = probe.known
     order = sorted(values, key=lambda place: (values[place], place))[: CROWD * count]
@@ -240,7 +240,7 @@ def _below(above: Level, below: Level, peak: Peak) -> Index:
     return yaw, x, y
 
 
-def _climb(probe: Probe, place: Index) -> tuple[Index, bool]:
+def _climb(probe: LocalScores, place: Index) -> tuple[Index, bool]:
     """
     Go to the best neighbour until there is no better one; in a flat valley, look farther.
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.kernels.library import AVAILABLE
-from gip_localizer.core.match.compiled_scores import Comparison, Room
+from gip_localizer.core.match.compiled_scores import Buffer, Comparison
 from gip_localizer.core.match.lattice import Index
 from gip_localizer.core.match.pyramid.level import Level
 from gip_localizer.core.match.scoring import Scorer
@@ -53,32 +53,32 @@ def _rectangles(places: list[Index]) -> dict[Rectangle, list[int]]:
     return {rectangle: yaws for rectangle, yaws in found.items() if yaws}
 
 
-class _Rooms:
+class _Buffers:
     """Rooms of one shape (templates, rows, cols) that are used again."""
 
     def __init__(self, shape: tuple[int, int, int], cols: int) -> None:
         self._shape, self._cols = shape, cols
-        self._spare: deque[Room] = deque(maxlen=SPARE_ROOMS)
+        self._spare: deque[Buffer] = deque(maxlen=SPARE_ROOMS)
 
-    def take(self) -> Room:
-        """Return a room whose first columns hold anything, the others zeros."""
+    def take(self) -> Buffer:
+        """Return a buffer whose first columns hold anything, the others zeros."""
         try:
             return self._spare.pop()
         except IndexError:
-            return Room(np.zeros(self._shape, np.float32)[:, :, : self._cols])
+            return Buffer(np.zeros(self._shape, np.float32)[:, :, : self._cols])
 
-    def put(self, room: Room) -> None:
-        """Take a room back."""
-        if room.planes.nbytes <= SPARE_BYTES:
-            self._spare.append(room)
+    def put(self, buffer: Buffer) -> None:
+        """Take a buffer back."""
+        if buffer.planes.nbytes <= SPARE_BYTES:
+            self._spare.append(buffer)
 
 
 @lru_cache(maxsize=8)
-def _rooms_of(shape: tuple[int, int, int], cols: int) -> _Rooms:
-    return _Rooms(shape, cols)
+def _buffers_of(shape: tuple[int, int, int], cols: int) -> _Buffers:
+    return _Buffers(shape, cols)
 
 
-class Probe:
+class LocalScores:
     """
     Residuals of chosen candidates of a level.
 
@@ -121,16 +121,16 @@ class Probe:
         self._comparison = Comparison(
             templates, fields, self._scorer.terms, self._scorer.sums_needed
         ) if AVAILABLE else None
-        self._turned: dict[int, Room] = {}
+        self._turned: dict[int, Buffer] = {}
         self._totals = np.zeros((len(level.lattice.yaws), self._scorer.sums_needed), np.float32)
         shape = len(templates.planes), canvas.rows, fields.shape[2]
-        self._rooms = _rooms_of(shape, canvas.cols)
+        self._buffers = _buffers_of(shape, canvas.cols)
         self.known: dict[Index, float] = {}
 
     def close(self) -> None:
         """Give the arrays back for the next frame; what is known stays."""
-        for room in self._turned.values():
-            self._rooms.put(room)
+        for buffer in self._turned.values():
+            self._buffers.put(buffer)
         self._turned = {}
 
     def holds(self, index: Index) -> bool:
@@ -187,24 +187,26 @@ class Probe:
                    for yaw, there in zip(yaws, turned, strict=True)]
         for yaw, there in zip(yaws, turned, strict=True):
             if not there:
-                self._turned[yaw] = self._rooms.take()
-        rooms, totals = [self._turned[yaw] for yaw in yaws], self._totals[yaws]
+                self._turned[yaw] = self._buffers.take()
+        buffers, totals = [self._turned[yaw] for yaw in yaws], self._totals[yaws]
         if self._comparison:
-            self._comparison.compare(affines, rooms, turned, totals, start, out)
+            self._comparison.compare(affines, buffers, turned, totals, start, out)
         else:
-            for k, (room, affine) in enumerate(zip(rooms, affines, strict=True)):
+            for k, (buffer, affine) in enumerate(zip(buffers, affines, strict=True)):
                 if not turned[k]:
-                    totals[k] = self._scorer.templates.turned(room.planes, affine, totals.shape[1])
-                self._by_runs(room, start, out[k])
+                    totals[k] = self._scorer.templates.turned(
+                        buffer.planes, affine, totals.shape[1]
+                    )
+                self._by_runs(buffer, start, out[k])
         self._totals[yaws] = totals
 
-    def _by_runs(self, room: Room, start: tuple[int, int], out: Floats) -> None:
+    def _by_runs(self, buffer: Buffer, start: tuple[int, int], out: Floats) -> None:
         """Write the terms (terms, n_x, n_y) of one yaw as products of long vectors."""
-        templates, rows, cols = room.planes.shape
+        templates, rows, cols = buffer.planes.shape
         count, _, width = self._scorer.fields.shape
         length = (rows - 1) * width + cols
-        assert room.planes.base is not None
-        runs = room.planes.base.reshape(templates, -1)[:, :length]
+        assert buffer.planes.base is not None
+        runs = buffer.planes.base.reshape(templates, -1)[:, :length]
         flat = self._scorer.fields.reshape(count, -1)
         for (k, term), x in product(enumerate(self._scorer.terms), range(out.shape[1])):
             first = (start[0] + x) * width + start[1]

@@ -12,7 +12,7 @@ import pytest
 from gip_localizer.core.belief import Belief, checked_prior, PriorError
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.track.odometry import OdometrySample
-from gip_localizer.core.track.pose_filter import Tracker
+from gip_localizer.core.track.pose_filter import PoseFilter
 from gip_localizer.parameters import Motion
 
 MS = 1_000_000
@@ -24,8 +24,8 @@ def covariance(seed: int) -> np.ndarray:
     return root @ root.T + 1e-8 * np.eye(3)
 
 
-def tracker(**motion: float) -> Tracker:
-    made = Tracker(Motion(**motion))
+def pose_filter(**motion: float) -> PoseFilter:
+    made = PoseFilter(Motion(**motion))
     made.reset(Belief(0, Pose2(1.0, 2.0, 0.5), SMALL))
     return made
 
@@ -36,11 +36,11 @@ def assert_covariance(matrix: np.ndarray) -> None:
 
 
 def test_without_a_belief_there_is_no_prediction():
-    assert Tracker(Motion()).predict(100) is None
+    assert PoseFilter(Motion()).predict(100) is None
 
 
 def test_odometry_carries_the_belief():
-    t = tracker()
+    t = pose_filter()
     for i in range(11):
         assert t.odometry.add(OdometrySample(i * 20 * MS, Pose2(7.0 + 0.1 * i, 3.0, 0.0)))
     prior = t.predict(200 * MS)
@@ -51,7 +51,9 @@ def test_odometry_carries_the_belief():
 
 
 def test_uncertainty_grows_and_swings_with_the_heading():
-    t = tracker(sigma_xy_per_m=0.0, sigma_yaw_per_m=0.0, sigma_xy_per_s=0.0, sigma_yaw_per_s=0.0)
+    t = pose_filter(
+        sigma_xy_per_m=0.0, sigma_yaw_per_m=0.0, sigma_xy_per_s=0.0, sigma_yaw_per_s=0.0
+    )
     t.reset(Belief(0, Pose2(0.0, 0.0, 0.0), SMALL))
     for i in range(26):
         assert t.odometry.add(OdometrySample(i * 20 * MS, Pose2(0.4 * i, 0.0, 0.0)))
@@ -64,7 +66,7 @@ def test_uncertainty_grows_and_swings_with_the_heading():
 
 @given(st.integers(0, 100), st.floats(-3.0, 3.0), st.integers(1, 2_000))
 def test_predictions_keep_a_covariance_that_is_one_and_never_shrinks(seed, yaw, elapsed_ms):
-    t = Tracker(Motion())
+    t = PoseFilter(Motion())
     start = covariance(seed)
     t.reset(Belief(0, Pose2(5.0, -4.0, yaw), start))
     prior = t.predict(elapsed_ms * MS)
@@ -73,7 +75,7 @@ def test_predictions_keep_a_covariance_that_is_one_and_never_shrinks(seed, yaw, 
 
 
 def test_without_odometry_the_last_velocity_is_held():
-    t = tracker()
+    t = pose_filter()
     for i in range(1, 4):
         stamp = i * 100 * MS
         fix = Belief(stamp, Pose2(1.0, 2.0, 0.5) @ Pose2(0.5 * i, 0.0, 0.0), SMALL)
@@ -93,7 +95,7 @@ def test_fusion_is_the_information_sum(a, b, seed):
     prior = Belief(0, Pose2(3.0, -2.0, 3.1), P)
     step = np.random.default_rng(seed).multivariate_normal(np.zeros(3), 0.3 * (P + R))
     measured = Belief(0, Pose2(3.0 + step[0], -2.0 + step[1], 3.1 + step[2]), R)
-    t = Tracker(Motion())
+    t = PoseFilter(Motion())
     fused = t.correct(prior, measured, fuse=True)
     total = np.linalg.inv(np.linalg.inv(P) + np.linalg.inv(R))
     np.testing.assert_allclose(fused.covariance, total, rtol=1e-3, atol=1e-10)
@@ -103,7 +105,7 @@ def test_fusion_is_the_information_sum(a, b, seed):
 
 
 def test_a_match_that_contradicts_the_prediction_stands_alone():
-    t = tracker()
+    t = pose_filter()
     prior = t.predict(100 * MS)
     far = Belief(100 * MS, prior.pose @ Pose2(2.0, 0.0, 0.0), SMALL)
     assert t.correct(prior, far, fuse=True) is far
@@ -111,14 +113,14 @@ def test_a_match_that_contradicts_the_prediction_stands_alone():
 
 
 def test_without_fusion_the_match_stands_alone():
-    t = tracker()
+    t = pose_filter()
     prior = t.predict(100 * MS)
     near = Belief(100 * MS, prior.pose @ Pose2(0.001, 0.0, 0.0), SMALL)
     assert t.correct(prior, near, fuse=False) is near
 
 
 def test_a_miss_carries_the_prediction_and_its_doubt_on():
-    t = tracker()
+    t = pose_filter()
     for i in range(1, 40):
         t.miss(t.predict(i * 100 * MS))
     assert t.belief.stamp_ns == 3_900 * MS
@@ -127,7 +129,7 @@ def test_a_miss_carries_the_prediction_and_its_doubt_on():
 
 def blind(rate, seconds, told=False):
     """Return the prior after so many seconds of misses at 5 m/s, with odometry or without."""
-    t = tracker(sigma_xy_per_m=0.02, sigma_xy_per_s=0.05)
+    t = pose_filter(sigma_xy_per_m=0.02, sigma_xy_per_s=0.05)
     for i in range(round(50 * seconds) + 1) if told else ():
         assert t.odometry.add(OdometrySample(i * 20 * MS, Pose2(0.1 * i, 0.0, 0.0)))
     for i in range(1, round(rate * seconds) + 1):
@@ -146,7 +148,7 @@ def test_what_is_not_known_of_the_motion_does_not_depend_on_the_frame_rate(told)
 
 
 def test_a_velocity_is_held_for_two_seconds_however_many_frames_miss():
-    t = tracker()
+    t = pose_filter()
     for i in range(1, 4):
         fix = Belief(i * 100 * MS, Pose2(1.0 * i, 0.0, 0.0), SMALL)
         t.correct(t.predict(i * 100 * MS), fix, fuse=False)
@@ -159,19 +161,19 @@ def test_a_velocity_is_held_for_two_seconds_however_many_frames_miss():
 
 @pytest.mark.parametrize('speed', [0.5, 1.0, 2.0])
 def test_odometry_that_stands_still_is_not_trusted_again_at_a_walk(speed):
-    t, doubted = tracker(), []
+    t, rejected = pose_filter(), []
     for i in range(1, 400):
         assert t.odometry.add(OdometrySample(i * 100 * MS, Pose2(0.0, 0.0, 0.0)))
         fix = Belief(i * 100 * MS, Pose2(0.1 * speed * i, 0.0, 0.0), SMALL)
         t.correct(t.predict(i * 100 * MS), fix, fuse=True)
-        doubted.append(t.trust.doubted)
-    first = doubted.index(True)
+        rejected.append(t.odometry_check.rejected)
+    first = rejected.index(True)
     assert first < 80
-    assert all(doubted[first:])
+    assert all(rejected[first:])
 
 
 def test_a_place_is_followed_as_far_as_a_vehicle_can_go():
-    t = tracker(max_speed=20.0)
+    t = pose_filter(max_speed=20.0)
     start = Belief(0, Pose2(0.0, 0.0, 0.0), SMALL)
     t.begin(start)
     prior = t.predict(100 * MS)  # nothing is known of the motion
@@ -186,7 +188,7 @@ def test_a_place_is_followed_as_far_as_a_vehicle_can_go():
 
 
 def test_a_reset_forgets_the_velocity():
-    t = tracker()
+    t = pose_filter()
     for i in range(1, 4):
         fix = Belief(i * 100 * MS, Pose2(0.5 * i, 0.0, 0.0), SMALL)
         t.correct(t.predict(i * 100 * MS), fix, fuse=False)
