@@ -47,7 +47,7 @@ paper: $(READY) ## the numbers and figures of the paper (OUT=)
 bench: $(READY) ## time and winners beside OpenCV; let the machine rest (SUITE= QUICK= OUT=)
 	@$(GIP) bench $(if $(SUITE),--suite $(SUITE)) $(if $(QUICK),--quick) $(RESULTS)
 
-params: $(READY) ## write config/*.yaml and the README's parameter table again
+params: $(READY) ## write config/*.yaml, docs/parameters.md and docs/diagnostics.md again
 	@$(GIP) params --write .
 
 figures: $(READY) ## draw the README's picture again

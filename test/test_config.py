@@ -13,12 +13,12 @@ import pytest
 import yaml
 
 CONFIG = Path(__file__).parents[1] / 'config'
-README = (CONFIG.parent / 'README.md').read_text()
+NODE_PAGE = (CONFIG.parent / 'docs' / 'node.md').read_text()
 
 
-def readme_names(direction):
-    """Names that the README's table of topics and services gives for a direction."""
-    rows = [line for line in README.splitlines() if line.startswith(f'| {direction} |')]
+def named_topics(direction):
+    """Names that the page's table of topics and services gives for a direction."""
+    rows = [line for line in NODE_PAGE.splitlines() if line.startswith(f'| {direction} |')]
     return {name for row in rows for name in re.findall(r'`([^`]+)`', row.split('|')[2])}
 
 
@@ -38,19 +38,19 @@ def strings(tree):
         yield tree
 
 
-def test_the_policy_allows_what_the_readme_lists():
+def test_the_policy_allows_what_the_page_of_the_node_lists():
     profile = ElementTree.parse(CONFIG / 'sros2_policy.xml').getroot().find('.//profile')
     allowed = {
         (kind.tag, *kind.attrib): {absolute(item.text) for item in kind}
         for kind in profile
     }
-    subscribed = {absolute(name) for name in readme_names('in')}
-    published = {absolute(name) for name in readme_names('out')}
+    subscribed = {absolute(name) for name in named_topics('in')}
+    published = {absolute(name) for name in named_topics('out')}
     assert allowed['topics', 'subscribe'] == subscribed | {'/tf_static', '/clock'}
     assert allowed['topics', 'publish'] == published | {
         '/tf', '/rosout', '/parameter_events', '/localizer/transition_event',
     }
-    served = {absolute(name) for name in readme_names('service')}
+    served = {absolute(name) for name in named_topics('service')}
     assert served <= allowed['services', 'reply']
 
 
@@ -58,7 +58,7 @@ def test_the_policy_allows_what_the_readme_lists():
 def test_layouts_show_topics_of_the_node(name):
     text = (CONFIG / name).read_text()
     tree = json.loads(text) if name.endswith('.json') else yaml.safe_load(text)
-    known = {absolute(topic) for way in ('in', 'out') for topic in readme_names(way)}
+    known = {absolute(topic) for way in ('in', 'out') for topic in named_topics(way)}
     named = {word.split('.')[0] for word in strings(tree) if word.startswith('/')}
     assert named - {'/map_updates'} <= known
     assert {'/map', '/pose_with_covariance', '/initialpose', '/localizer/overlay'} <= named

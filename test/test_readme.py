@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The pages for readers: links margin somewhere, names exist."""
+"""The pages for readers: links lead somewhere, names exist."""
 
 from pathlib import Path
 import re

@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of a node on paper: a commented ROS parameter file and a Markdown table."""
+"""The pages that are written from the code: parameter files and tables of parameters."""
 
 from __future__ import annotations
 
 from gip_localizer.parameters import Parameters
 from gip_localizer.parameters.integration import BagPlayerParameters
 from gip_localizer.parameters.spec import dump_ros_yaml, ParameterGroup, Spec, Value
+from gip_localizer.session.diagnostic_rules import diagnostics_table
 from gip_localizer.synthetic.parameters import CameraNodeParameters
 
 TREES: dict[str, type[ParameterGroup]] = {
@@ -14,6 +15,34 @@ TREES: dict[str, type[ParameterGroup]] = {
     'synthetic_camera': CameraNodeParameters,
     'bag_player': BagPlayerParameters,
 }
+
+
+PARAMETERS_PAGE = """# Parameters
+
+Written by `make params`. Parameters marked *fixed* are read at start; all others can be changed
+while the node runs, one by one or together (`set_parameters_atomically`). A bad value is refused
+with its reason and the old one stays. `config/localizer.yaml` and `config/synthetic_camera.yaml`
+hold all defaults.
+"""
+DIAGNOSTICS_PAGE = """# Diagnostics of `localizer`
+
+Written by `make params`. `/diagnostics` carries one status per group, once a second and whenever
+one changes. The message names every rule that holds, the most important first; otherwise it
+begins with OK. The last column says whether poses are withheld meanwhile.
+
+"""
+
+
+def generated_pages() -> dict[str, str]:
+    """Return every generated file of the source tree: path below its root to text."""
+    pages = {
+        f'config/{node}.yaml': parameter_file(tree_of(node))
+        for node in ('localizer', 'synthetic_camera')
+    }
+    tables = [f'\n## `{node}`\n\n{markdown_table(tree)}\n' for node, tree in TREES.items()]
+    pages['docs/parameters.md'] = PARAMETERS_PAGE + ''.join(tables)
+    pages['docs/diagnostics.md'] = f'{DIAGNOSTICS_PAGE}{diagnostics_table()}\n'
+    return pages
 
 
 def tree_of(node: str) -> type[ParameterGroup]:

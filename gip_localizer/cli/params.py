@@ -10,13 +10,6 @@ from typing import Any
 
 from gip_localizer.errors import OutputError
 
-TABLES = ('parameters', 'diagnostics')
-"""Of README.md, each between two marks."""
-
-
-def _marks(table: str) -> tuple[str, str]:
-    return f'<!-- {table}: written by `make params` -->', f'<!-- end of {table} -->'
-
 
 def add_parser(verbs: Any) -> None:
     """Add the verb to the parser of `gip`."""
@@ -30,7 +23,8 @@ def add_parser(verbs: Any) -> None:
     form.add_argument('--markdown', action='store_true', help='as a table')
     form.add_argument(
         '--write', type=Path, metavar='ROOT',
-        help='write config/*.yaml and the tables of README.md below the source tree ROOT',
+        help='write the parameter files in config/ and the pages docs/parameters.md and '
+        'docs/diagnostics.md of the source tree ROOT',
     )
     parser.set_defaults(run=run)
 
@@ -49,26 +43,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _write(root: Path) -> None:
-    from gip_localizer.cli.parameter_pages import markdown_table, parameter_file, tree_of
-    from gip_localizer.session.diagnostic_rules import diagnostics_table
+    from gip_localizer.cli.parameter_pages import generated_pages
 
-    readme = root / 'README.md'
-    text = readme.read_text(encoding='utf-8') if readme.is_file() else ''
-    tables = (markdown_table(tree_of('localizer')), diagnostics_table())
-    for name, table in zip(TABLES, tables, strict=True):
-        text = _with_table(readme, text, name, table)
-    readme.write_text(text, encoding='utf-8')
-    for node in ('localizer', 'synthetic_camera'):
-        path = root / 'config' / f'{node}.yaml'
-        path.write_text(parameter_file(tree_of(node)), encoding='utf-8')
-        print(f'wrote {path}')
-    print(f'wrote {readme}')
-
-
-def _with_table(readme: Path, text: str, name: str, table: str) -> str:
-    begin, end = _marks(name)
-    if begin not in text or end not in text:
-        raise OutputError(f'{readme}: lacks the lines {begin!r} and {end!r}; is ROOT the sources?')
-    before, rest = text.split(begin, 1)
-    after = rest.split(end, 1)[1]
-    return f'{before}{begin}\n{table}\n{end}{after}'
+    if not (root / 'package.xml').is_file():
+        raise OutputError(
+            f'{root}: holds no package.xml; expected the source tree of this package'
+        )
+    for name, text in generated_pages().items():
+        (root / name).write_text(text, encoding='utf-8')
+        print(f'wrote {root / name}')

@@ -3,7 +3,7 @@
 """
 Which cells of the canvas the turned weight touches, so that no more is transformed.
 
-A camera's view has empty corners, and a part of the yaws needs less buffer than all of them.
+A camera's view has empty corners, and a part of the yaws needs less room than all of them.
 
 """
 

@@ -55,7 +55,7 @@ class LeastSquaresProblem:
     residual : (n,) float32
         v - a S û - b.
     weights : (n,) float32
-        Gramian times robust_weights; 0 where the map holds no data.
+        Gramian times robust weights; 0 where the map holds no data.
     curvature : (n,) float32
         Slope of the weighted residual: what `weights` is to the step, this is to the spread.
     all_weights : (n,) float32
