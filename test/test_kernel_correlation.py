@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Both kernels against the definition in float64, with both transforms."""
+"""The correlation against the definition in float64, with both transforms."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gip_localizer.core.match import fft as spectra
-from gip_localizer.core.match.correlation import by_products, by_transforms, correlate
+from gip_localizer.core.match.correlation import correlate
 from gip_localizer.core.match.fft import OpenCVTransform, SciPyTransform
-from gip_localizer.core.threads import in_parallel, shares
+from gip_localizer.core.threads import in_parallel
 
 TERMS = [((0, 0),), ((0, 1), (1, 0)), ((2, 2), (1, 1), (0, 0))]
 CANVAS, HALF, YAWS = (19, 14), (4, 5), 5
@@ -35,7 +35,7 @@ def by_definition(fields, templates):
     return out
 
 
-def collected(kernel, yaws, fields, templates):
+def collected(yaws, fields, templates):
     out = np.full((YAWS, len(TERMS), 2 * HALF[0] + 1, 2 * HALF[1] + 1), np.nan)
 
     def turn(yaw, room):
@@ -44,7 +44,7 @@ def collected(kernel, yaws, fields, templates):
     def sink(yaws, terms):
         out[yaws.start : yaws.stop] = terms.transpose(1, 0, 2, 3)
 
-    kernel(fields, TERMS, yaws, canvas=CANVAS, turn=turn, sink=sink)
+    correlate(fields, TERMS, yaws, canvas=CANVAS, turn=turn, sink=sink)
     return out
 
 
@@ -54,7 +54,7 @@ def test_transforms_equal_the_definition(transform, monkeypatch):
     for seed in (1, 2):  # the second run works in what the first left behind
         fields, templates = case(seed)
         expected = by_definition(fields, templates)
-        found = collected(by_transforms, YAWS, fields, templates)
+        found = collected(YAWS, fields, templates)
         np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
 
 
@@ -63,26 +63,9 @@ def test_a_yaw_without_a_partner_takes_nothing_from_frames_before(transform, mon
     monkeypatch.setattr('gip_localizer.core.match.correlation.make_transform', transform)
     found = []
     for seed in (2, 3):
-        collected(by_transforms, YAWS - 1, *case(seed))
-        found.append(collected(by_transforms, 1, *case(1)))
+        collected(YAWS - 1, *case(seed))
+        found.append(collected(1, *case(1)))
     np.testing.assert_array_equal(found[0], found[1])
-
-
-def test_products_equal_the_definition():
-    fields, templates = case()
-    expected = by_definition(fields, templates)
-    found = collected(by_products, range(YAWS), fields, templates)
-    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
-
-
-@pytest.mark.parametrize('limit', [0, 10_000])
-def test_the_choice_by_window_size_does_not_change_the_sums(limit, monkeypatch):
-    monkeypatch.setattr('gip_localizer.core.match.correlation.PRODUCT_CANDIDATES', limit)
-    monkeypatch.setattr('gip_localizer.core.match.correlation.PRODUCT_YAWS', 2)
-    fields, templates = case()
-    expected = by_definition(fields, templates)
-    found = collected(correlate, YAWS, fields, templates)
-    np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize('transform', [OpenCVTransform, SciPyTransform])
@@ -113,12 +96,6 @@ def test_the_transform_follows_the_build_of_opencv_alone(monkeypatch):
     for there, kind in ((True, OpenCVTransform), (False, SciPyTransform)):
         monkeypatch.setattr(spectra, '_has_ipp', lambda there=there: there)
         assert isinstance(spectra.make_transform(10, 10), kind)
-
-
-def test_shares_hold_every_index_once():
-    for count in (0, 1, 2, 7):
-        dealt = [k for share in shares(count) for k in share]
-        assert sorted(dealt) == list(range(count))
 
 
 def test_an_error_in_any_part_reaches_the_caller():

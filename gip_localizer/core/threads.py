@@ -94,11 +94,6 @@ def in_parallel(
             done.result()
 
 
-def shares(count: int) -> list[range]:
-    """Return `count` indices dealt out to the workers; none is empty."""
-    return [range(k, count, WORKERS) for k in range(min(WORKERS, count))]
-
-
 @cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max(WORKERS - 1, 1), thread_name_prefix='gip')

@@ -32,6 +32,20 @@ def best_peaks(values: Floats, count: int) -> list[tuple[int, int, int]]:
     return chosen
 
 
+def vertex(low: float, middle: float, high: float) -> tuple[float, float]:
+    """
+    Return where the parabola through three values, one step apart, is least, and its bend.
+
+    The place is relative to the middle, at most half a step away. Where the parabola has no
+    minimum, or a value is infinite, both are 0.
+
+    """
+    bend = low - 2.0 * middle + high
+    if not 0.0 < bend < np.inf:
+        return 0.0, 0.0
+    return min(max(0.5 * (low - high) / bend, -0.5), 0.5), bend
+
+
 class ResidualLookup:
     """Residuals by index, as in a dictionary."""
 
@@ -76,9 +90,7 @@ def _between(values: ResidualLookup | dict[Index, float], place: Index) -> Mode:
             values.get((place[0] + s * (axis == 0), place[1] + s * (axis == 1),
                         place[2] + s * (axis == 2)), np.inf) for s in (-1, 1)
         )
-        bend = low - 2.0 * middle + high
-        if 0.0 < bend < np.inf:
-            shift = min(max(0.5 * (low - high) / bend, -0.5), 0.5)
-            peak[axis] += shift
-            least -= 0.5 * bend * shift * shift
+        shift, bend = vertex(low, middle, high)
+        peak[axis] += shift
+        least -= 0.5 * bend * shift * shift
     return least, (peak[0], peak[1], peak[2])

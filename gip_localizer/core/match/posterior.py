@@ -18,7 +18,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.belief import Belief
-from gip_localizer.core.match.peaks import best_peaks
+from gip_localizer.core.match.peaks import best_peaks, vertex
 from gip_localizer.core.match.score_surface import Scores
 from gip_localizer.core.pose import difference, Pose2
 
@@ -113,8 +113,6 @@ def modes(surface: PosteriorSurface, count: int) -> list[tuple[int, int, int]]:
     return best_peaks(surface.log_posterior, count)
 
 
-
-
 def subcell_peak(surface: PosteriorSurface, index: tuple[int, int, int]) -> Floats:
     """Fractional index (3,) of a peak, by a parabola through its neighbours on each axis."""
     peak = np.array(index, float)
@@ -124,10 +122,8 @@ def subcell_peak(surface: PosteriorSurface, index: tuple[int, int, int]) -> Floa
         high[axis] += 1
         if low[axis] < 0 or high[axis] >= surface.log_posterior.shape[axis]:
             continue
-        a, b, c = (surface.log_posterior[tuple(i)] for i in (low, index, high))
-        curvature = a - 2.0 * b + c
-        if np.isfinite(curvature) and curvature < 0.0:
-            peak[axis] += float(np.clip(0.5 * (a - c) / curvature, -0.5, 0.5))
+        values = (-float(surface.log_posterior[tuple(i)]) for i in (low, index, high))
+        peak[axis] += vertex(*values)[0]
     return peak
 
 

@@ -23,7 +23,7 @@ from gip_localizer.core.birdseye.rectifier import View
 from gip_localizer.core.kernels.library import AVAILABLE
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.match.compiled_scores import Buffer, Comparison
-from gip_localizer.core.match.correlation import correlate, takes_transforms
+from gip_localizer.core.match.correlation import correlate
 from gip_localizer.core.match.downsampling import locally_centred
 from gip_localizer.core.match.fft import cost
 from gip_localizer.core.match.fft_regions import make_parts, Part
@@ -41,6 +41,7 @@ from gip_localizer.core.threads import in_parallel, WORKERS
 
 __all__ = ['Lattice', 'Scores', 'make_lattice', 'match', 'rotated']
 
+MOST_BY_LOOPS = 200  # translations up to which compiled loops beat transforms (measured)
 WORTH_A_THREAD = 5_000_000  # products, below which threads wait more than they work
 Keep = Callable[[slice, Residuals], None]
 """Takes yaws (indices) and their residuals (yaws, x, y), valid during the call only."""
@@ -130,14 +131,12 @@ def score_yaws(
     """Give the residuals (yaws, x, y) of all yaws to `keep`, in any order, from threads."""
     affines = [turn_affine(grid, canvas, float(yaw), lattice.pivot) for yaw in lattice.yaws]
     n_x, n_y = lattice.shape[1:]
-    if AVAILABLE and not takes_transforms(n_x, n_y):
+    if AVAILABLE and n_x * n_y <= MOST_BY_LOOPS:
         _score_by_loops(scorer, affines, canvas.shape, keep)
         return
-    parts = [Part(range(len(affines)), slice(0, canvas.rows), slice(0, canvas.cols))]
-    if takes_transforms(n_x, n_y):
-        parts = make_parts(
-            scorer.templates.planes[0], affines, canvas.shape, (n_x, n_y), len(scorer.fields), cost
-        )
+    parts = make_parts(
+        scorer.templates.planes[0], affines, canvas.shape, (n_x, n_y), len(scorer.fields), cost
+    )
     for part in parts:
         rows, cols = part.rows, part.cols
         window = slice(rows.start, rows.stop + n_x - 1), slice(cols.start, cols.stop + n_y - 1)

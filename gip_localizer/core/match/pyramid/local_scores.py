@@ -3,9 +3,7 @@
 """
 Exact residuals of single candidates, for following a mode.
 
-A turned template laid out with the row length of a part of the window meets that part at any
-translation as one contiguous run, so that without the compiled loop a sum of products is one
-product of long vectors.
+By the compiled loops; without them by the transforms that score whole windows, too.
 
 """
 
@@ -21,13 +19,14 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.kernels.library import AVAILABLE
 from gip_localizer.core.match.compiled_scores import Buffer, Comparison
+from gip_localizer.core.match.correlation import correlate
 from gip_localizer.core.match.lattice import Index
 from gip_localizer.core.match.pyramid.level import Level
 from gip_localizer.core.match.scoring import Scorer
 from gip_localizer.core.match.template_rotation import turn_affine
 
 TURNED = np.zeros((2, 3))  # instead of what turns, where that is done
-SPARE_ROOMS = 32
+SPARE_BUFFERS = 32
 SPARE_BYTES = 1 << 20  # of each, at most
 
 
@@ -54,18 +53,18 @@ def _rectangles(places: list[Index]) -> dict[Rectangle, list[int]]:
 
 
 class _Buffers:
-    """Rooms of one shape (templates, rows, cols) that are used again."""
+    """Buffers of one shape (templates, rows, cols) that are used again."""
 
-    def __init__(self, shape: tuple[int, int, int], cols: int) -> None:
-        self._shape, self._cols = shape, cols
-        self._spare: deque[Buffer] = deque(maxlen=SPARE_ROOMS)
+    def __init__(self, shape: tuple[int, int, int]) -> None:
+        self._shape = shape
+        self._spare: deque[Buffer] = deque(maxlen=SPARE_BUFFERS)
 
     def take(self) -> Buffer:
-        """Return a buffer whose first columns hold anything, the others zeros."""
+        """Return a buffer that holds anything."""
         try:
             return self._spare.pop()
         except IndexError:
-            return Buffer(np.zeros(self._shape, np.float32)[:, :, : self._cols])
+            return Buffer(np.empty(self._shape, np.float32))
 
     def put(self, buffer: Buffer) -> None:
         """Take a buffer back."""
@@ -74,8 +73,8 @@ class _Buffers:
 
 
 @lru_cache(maxsize=8)
-def _buffers_of(shape: tuple[int, int, int], cols: int) -> _Buffers:
-    return _Buffers(shape, cols)
+def _buffers_of(shape: tuple[int, int, int]) -> _Buffers:
+    return _Buffers(shape)
 
 
 class LocalScores:
@@ -117,14 +116,13 @@ class LocalScores:
             normalized=normalized, min_overlap=min_overlap, residual_only=True,
             everywhere=level.everywhere,
         )
-        templates, fields = self._scorer.templates, self._scorer.fields
+        templates = self._scorer.templates
         self._comparison = Comparison(
-            templates, fields, self._scorer.terms, self._scorer.sums_needed
+            templates, self._scorer.fields, self._scorer.terms, self._scorer.sums_needed
         ) if AVAILABLE else None
         self._turned: dict[int, Buffer] = {}
         self._totals = np.zeros((len(level.lattice.yaws), self._scorer.sums_needed), np.float32)
-        shape = len(templates.planes), canvas.rows, fields.shape[2]
-        self._buffers = _buffers_of(shape, canvas.cols)
+        self._buffers = _buffers_of((len(templates.planes), *canvas.shape))
         self.known: dict[Index, float] = {}
 
     def close(self) -> None:
@@ -192,26 +190,30 @@ class LocalScores:
         if self._comparison:
             self._comparison.compare(affines, buffers, turned, totals, start, out)
         else:
-            for k, (buffer, affine) in enumerate(zip(buffers, affines, strict=True)):
-                if not turned[k]:
-                    totals[k] = self._scorer.templates.turned(
-                        buffer.planes, affine, totals.shape[1]
-                    )
-                self._by_runs(buffer, start, out[k])
+            self._by_transforms(affines, buffers, turned, totals, start, out)
         self._totals[yaws] = totals
 
-    def _by_runs(self, buffer: Buffer, start: tuple[int, int], out: Floats) -> None:
-        """Write the terms (terms, n_x, n_y) of one yaw as products of long vectors."""
-        templates, rows, cols = buffer.planes.shape
-        count, _, width = self._scorer.fields.shape
-        length = (rows - 1) * width + cols
-        assert buffer.planes.base is not None
-        runs = buffer.planes.base.reshape(templates, -1)[:, :length]
-        flat = self._scorer.fields.reshape(count, -1)
-        for (k, term), x in product(enumerate(self._scorer.terms), range(out.shape[1])):
-            first = (start[0] + x) * width + start[1]
-            parts = flat[:, first : first + length + out.shape[2] - 1]
-            out[k, x] = sum(np.correlate(parts[field], runs[t]) for t, field in term)
+    def _by_transforms(
+        self, affines: list[Floats], buffers: list[Buffer], turned: list[bool], totals: Floats,
+        start: tuple[int, int], out: Floats,
+    ) -> None:
+        """Do what `Comparison.compare` does."""
+        for k, buffer in enumerate(buffers):
+            if not turned[k]:
+                totals[k] = self._scorer.templates.turned(
+                    buffer.planes, affines[k], totals.shape[1]
+                )
+        rows, cols = self._level.canvas.shape
+        (x, y), (n_x, n_y) = start, out.shape[2:]
+        met = self._scorer.fields[:, x : x + rows + n_x - 1, y : y + cols + n_y - 1]
+
+        def turn(yaw: int, planes: Floats) -> None:
+            planes[...] = buffers[yaw].planes
+
+        def sink(yaws: range, terms: Floats) -> None:
+            out[yaws.start : yaws.stop] = terms.swapaxes(0, 1)
+
+        correlate(met, self._scorer.terms, len(buffers), canvas=(rows, cols), turn=turn, sink=sink)
 
     def _affine(self, yaw: int) -> Floats:
         level = self._level
