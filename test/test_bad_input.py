@@ -113,7 +113,7 @@ def test_good_odometry_and_a_good_camera_raise_no_doubt(run):
     run.go(lambda message, turn: [message]).assert_right()
     assert not run.warnings
     assert not run.complaints
-    assert run.frontend.localizer.pose_filter.prediction_source == 'odometry'
+    assert run.frontend.localizer.state.pose_filter.prediction_source == 'odometry'
 
 
 @pytest.mark.parametrize('reset', [False, True])
@@ -123,7 +123,7 @@ def test_odometry_that_freezes_is_contradicted(run, reset):
     run.go(lambda message, turn: [message if turn < 8 else track_state(message, frozen)])
     run.assert_right()
     assert 'ODOMETRY_CONTRADICTED' in run.warnings
-    assert run.frontend.localizer.pose_filter.prediction_source == 'constant velocity'
+    assert run.frontend.localizer.state.pose_filter.prediction_source == 'constant velocity'
 
 
 def test_odometry_that_stands_at_zero_all_the_time_is_contradicted(road, drive):
@@ -144,7 +144,7 @@ def test_odometry_that_is_right_again_is_trusted_again(road, drive):
     run.go(lambda message, turn: [message if turn < 3 else track_state(message)])
     assert 'ODOMETRY_CONTRADICTED' in run.warnings
     assert 'ODOMETRY_CONTRADICTED' not in run.frontend.warnings
-    assert run.frontend.localizer.pose_filter.prediction_source == 'odometry'
+    assert run.frontend.localizer.state.pose_filter.prediction_source == 'odometry'
 
 
 @pytest.mark.parametrize('ns', [DAYS_66, -DAYS_66])

@@ -69,7 +69,7 @@ class Vehicle:
 
     def clean(self):
         """Give it a good calibration and a good prior, at the beginning of time."""
-        self.frontend.localizer.pose_filter.odometry.clear()
+        self.frontend.localizer.state.pose_filter.odometry.clear()
         self.frontend.on_camera_info(camera_info(CALIBRATION))
         for stamp in (START + 1000 * S, START - 100 * S):  # time goes back: all is forgotten
             self.frontend.on_image(image_message(self.flat, 'mono8', stamp_ns=stamp))

@@ -147,7 +147,7 @@ def test_a_drive_is_followed_without_odometry_at_constant_velocity(road):
     localizer.set_prior(0, road.pose(0.1), CERTAIN)
     estimates = drive(road, localizer, 8, period_ns=60 * MS)
     assert [e.status for e in estimates] == [Status.TRACKING] * 8
-    assert localizer.pose_filter.prediction_source == 'constant velocity'
+    assert localizer.state.pose_filter.prediction_source == 'constant velocity'
 
 
 def test_odometry_carries_over_a_gap_that_velocity_could_not(road, frame):
@@ -162,7 +162,7 @@ def test_odometry_carries_over_a_gap_that_velocity_could_not(road, frame):
     estimate = localizer.update(2 * S, road.frame(CAMERA, there), CAMERA)
     check(estimate, there)
     assert estimate.published
-    assert localizer.pose_filter.prediction_source == 'odometry'
+    assert localizer.state.pose_filter.prediction_source == 'odometry'
 
 
 @pytest.mark.parametrize('level', [0, 77, 255])
@@ -264,13 +264,13 @@ def test_frames_out_of_order_are_skipped_and_harm_nothing(road):
     localizer = make(road)
     localizer.set_prior(0, road.pose(0.1), CERTAIN)
     drive(road, localizer, 3, period_ns=60 * MS)
-    belief = localizer.pose_filter.belief
+    belief = localizer.state.pose_filter.belief
     image = road.frame(CAMERA, road.pose(0.1))
     for back in (0, 1, 60 * MS, 900 * MS):
         estimate = localizer.update(S + 120 * MS - back, image, CAMERA)
         check(estimate)
         assert estimate.status is Status.OUT_OF_ORDER
-    assert localizer.pose_filter.belief is belief
+    assert localizer.state.pose_filter.belief is belief
 
 
 def test_time_that_jumps_back_starts_afresh(road, frame):
@@ -314,7 +314,7 @@ def test_a_stamp_ahead_of_its_time_harms_no_later_frame(road, ahead_ms, count):
     start = 0.1 + 0.1 * (4 + count) * SPEED / road.lane.length
     later = drive(road, localizer, 4, start=start, stamp_ns=stamp + (4 + count) * step)
     assert all(estimate.published for estimate in later)
-    assert localizer.went_back == 0.0
+    assert localizer.state.stamps.went_back == 0.0
 
 
 def test_a_prior_of_another_clock_holds_now(road, frame):
@@ -395,14 +395,14 @@ def test_a_single_stamp_that_is_far_off_costs_one_frame_and_no_belief(road, wron
     localizer = make(road)
     localizer.set_prior(0, road.pose(0.1), CERTAIN)
     drive(road, localizer, 3, stamp_ns=1000 * S, period_ns=60 * MS)
-    belief = localizer.pose_filter.belief
+    belief = localizer.state.pose_filter.belief
     image = road.frame(CAMERA, road.pose(0.1))
     for _ in range(2):
         estimate = localizer.update(wrong * S, image, CAMERA)
         check(estimate)
         assert estimate.status is Status.OUT_OF_ORDER
         assert f' {abs(wrong - 1000.12):.1f} s ' in estimate.reason
-    assert localizer.pose_filter.belief is belief
+    assert localizer.state.pose_filter.belief is belief
     start = 0.1 + 0.18 * SPEED / road.lane.length
     later = drive(road, localizer, 2, start=start, stamp_ns=1000 * S + 180 * MS, period_ns=60 * MS)
     assert all(estimate.published for estimate in later)
@@ -454,7 +454,7 @@ def test_lost_after_enough_misses_and_silent_until_found(road, frame):
         check(estimate)
         statuses.append(estimate.status)
     assert statuses == [Status.LOW_CONTRAST] * 2 + [Status.LOST] * 3
-    assert localizer.lost
+    assert localizer.state.lost
     assert 'LOW_CONTRAST' in estimate.reason
 
 
@@ -523,13 +523,13 @@ def test_the_best_place_of_the_map_wins_though_a_look_around_the_first_finds_les
 def test_a_prior_that_is_none_is_refused_and_the_belief_stays(road, frame, pose):
     localizer = make(road)
     localizer.set_prior(0, frame[0], CERTAIN)
-    before = localizer.pose_filter.belief
+    before = localizer.state.pose_filter.belief
     with pytest.raises(PriorError):
         localizer.set_prior(0, pose, CERTAIN)
     for bad in (np.zeros((3, 3)), -CERTAIN, CERTAIN * math.nan):
         with pytest.raises(PriorError):
             localizer.set_prior(0, frame[0], bad)
-    assert localizer.pose_filter.belief is before
+    assert localizer.state.pose_filter.belief is before
     assert localizer.update(S, frame[1], CAMERA).published
 
 
@@ -584,7 +584,7 @@ def test_bad_odometry_costs_no_fix(road):
     ]
     taken = [localizer.add_odometry(sample) for sample in bad]
     assert taken == [True, False, False, False, False, False]
-    assert localizer.pose_filter.odometry.refused == 5
+    assert localizer.state.pose_filter.odometry.refused == 5
     assert all(e.published for e in drive(road, localizer, 3, period_ns=40 * MS))
 
 

@@ -127,10 +127,10 @@ def test_a_restart_begins_where_the_last_pose_and_the_odometry_lead(tmp_path):
     told = []
     localizer, keeper = keeper_of(path, 1003.0, told)
     keeper.before(8 * SECOND)
-    assert localizer.pose_filter.belief is None  # it waits for the odometry
+    assert localizer.state.pose_filter.belief is None  # it waits for the odometry
     localizer.add_odometry(OdometrySample(8 * SECOND, Pose2(3.0, 0.0, 0.0)))
     keeper.before(8 * SECOND)
-    assert localizer.pose_filter.belief.pose == pytest.approx(Pose2(10.0, 9.0, 0.0))
+    assert localizer.state.pose_filter.belief.pose == pytest.approx(Pose2(10.0, 9.0, 0.0))
     assert told == []
 
 
@@ -141,7 +141,7 @@ def test_a_better_prior_keeps_the_file_out(tmp_path):
     localizer, keeper = keeper_of(path, 1001.0)
     keeper.forget()
     keeper.before(2 * SECOND)
-    assert localizer.pose_filter.belief is None
+    assert localizer.state.pose_filter.belief is None
 
 
 def test_nothing_is_written_without_a_pose_or_a_file_name(tmp_path):
@@ -160,7 +160,7 @@ def test_a_pose_that_may_be_anywhere_by_now_is_told_and_not_used(tmp_path):
     localizer = Localizer(cells(), Parameters.from_dict(values))
     told = []
     StateKeeper(localizer, told.append, wall=lambda: 9e5).before(SECOND)
-    assert localizer.pose_filter.belief is None
+    assert localizer.state.pose_filter.belief is None
     assert 'says nothing' in told[0]
     assert 'not used' in told[0]
 
@@ -179,5 +179,5 @@ def test_a_stale_file_is_told_and_not_used(tmp_path):
     told = []
     localizer, keeper = keeper_of(path, 2000.0, told)
     keeper.before(2 * SECOND)
-    assert localizer.pose_filter.belief is None
+    assert localizer.state.pose_filter.belief is None
     assert 'state.max_age' in told[0]

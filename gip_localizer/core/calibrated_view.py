@@ -12,7 +12,7 @@ from gip_localizer.parameters import Parameters
 
 class CalibratedView:
     """
-    Rectifier and refiner of a camera, and the gain that its last match showed (None: no match).
+    Rectifier and refiner of a camera.
 
     Parameters
     ----------
@@ -36,7 +36,6 @@ class CalibratedView:
             normalized=parameters.score.normalized,
             robust=parameters.score.robust,
         )
-        self.gain: float | None = None
 
     def serves(self, camera: CameraModel, parameters: Parameters) -> bool:
         """Tell whether nothing that this rests on has changed."""

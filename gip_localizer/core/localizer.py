@@ -11,17 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 import time
-
-import numpy as np
 
 from gip_localizer.core.arrays import Floats, Grey
 from gip_localizer.core.belief import Belief, checked_prior
 from gip_localizer.core.birdseye.pixel_noise import estimate_pixel_noise
 from gip_localizer.core.birdseye.rectifier import View
 from gip_localizer.core.calibrated_view import CalibratedView
+from gip_localizer.core.camera.image_check import image_fault
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.estimate import Estimate, Match, Status
 from gip_localizer.core.gramian import gramian, most_gain
@@ -33,13 +32,27 @@ from gip_localizer.core.search.frame_search import FrameSearch
 from gip_localizer.core.search.local_search import SearchResult
 from gip_localizer.core.search.map_crops import MapCrops
 from gip_localizer.core.track.odometry import OdometrySample
-from gip_localizer.core.track.pose_filter import FilterState, PoseFilter
-from gip_localizer.core.track.stamp_check import StampCheck
 from gip_localizer.core.track.track_state import TrackState
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Parameters
 
-NOW = -(1 << 62)  # stamp of a belief that holds at the next frame, whenever that comes
+
+@dataclass(frozen=True)
+class NoiseLevels:
+    """
+    Standard deviations of a frame, in grey levels of [0, 1] of the view.
+
+    Attributes
+    ----------
+    pixel : float
+        Of the image's pixels.
+    map : float
+        Of the map's cells.
+
+    """
+
+    pixel: float
+    map: float
 
 
 class Localizer:
@@ -53,44 +66,25 @@ class Localizer:
     parameters : Parameters
         All tunables; replace them between frames with `configure`.
 
+    Attributes
+    ----------
+    state : TrackState
+        What is kept of the drive from frame to frame.
+
     """
 
     def __init__(self, raster_map: RasterMap, parameters: Parameters) -> None:
         self.raster_map = raster_map
-        self._crops = MapCrops(raster_map)
         self.parameters = parameters
-        self.pose_filter = PoseFilter(parameters.motion)
-        self.track_state = TrackState(parameters)
-        self._order = StampCheck()
-        self._before_hop = FilterState()
-        self._gain = 1.0  # of the frame
-        self._calibrated_view: CalibratedView | None = None
+        self.state = TrackState(parameters)
+        self._crops = MapCrops(raster_map)
+        self._prepared: CalibratedView | None = None
         self._timings: dict[str, float] = {}
-        self._start()
-
-    def _start(self) -> None:
-        pose = self.parameters.initial_pose
-        self.pose_filter.reset(None)
-        self.track_state.started()
-        if pose.set:
-            covariance = np.diag([pose.sigma_xy**2, pose.sigma_xy**2, pose.sigma_yaw**2])
-            self.pose_filter.reset(Belief(NOW, Pose2(pose.x, pose.y, pose.yaw), covariance))
-
-    @property
-    def went_back(self) -> float:
-        """Seconds by which the last frame confirmed that time went back; 0: it did not."""
-        return self._order.went_back
-
-    @property
-    def lost(self) -> bool:
-        """Whether too many frames in a row gave no fix."""
-        return self.track_state.lost
 
     def configure(self, parameters: Parameters) -> None:
         """Take new parameters from the next frame on; the belief stays."""
         self.parameters = parameters
-        self.pose_filter.configure(parameters.motion)
-        self.track_state.configure(parameters)
+        self.state.configure(parameters)
 
     def set_prior(self, stamp_ns: int, pose: Pose2, covariance: Floats) -> None:
         """
@@ -112,30 +106,23 @@ class Localizer:
             NaN or a covariance that is not positive definite; the belief stays as it was.
 
         """
-        if self._order.is_long_past(stamp_ns):
-            stamp_ns = NOW
-        self.pose_filter.reset(checked_prior(stamp_ns or NOW, pose, covariance))
-        self.track_state.started()
-        self.track_state.wanted = False
-        self._order = StampCheck()
-        if self._calibrated_view is not None:
-            self._calibrated_view.gain = None
+        self.state.start_from(checked_prior(stamp_ns, pose, covariance))
 
     def prepare(self, camera: CameraModel) -> None:
-        """Precompute what a camera needs before its first frame, which tells what is wrong."""
+        """Precompute what a camera needs before its first frame."""
         self._prepare(0, camera)
 
     def add_odometry(self, sample: OdometrySample) -> bool:
         """Take an odometry sample; False where it is refused."""
-        return self.pose_filter.odometry.add(sample)
+        return self.state.pose_filter.odometry.add(sample)
 
     def relocalize(self) -> None:
         """Search the whole map from the next frame on, until the place is found."""
-        self.track_state.search()
+        self.state.request_search()
 
     def searches(self, stamp_ns: int) -> bool:
-        """Tell whether `update` would search the whole map for a frame, which takes seconds."""
-        return self.track_state.search_due(stamp_ns)
+        """Whether `update` would search the whole map for a frame, which takes seconds."""
+        return self.state.search_due(stamp_ns)
 
     def update(
         self, stamp_ns: int, image: Grey, camera: CameraModel, *, mask: Grey | None = None
@@ -161,126 +148,90 @@ class Localizer:
 
         """
         self._timings = {}
-        refused = (
-            self._unusable(stamp_ns, image, camera, mask) or self._out_of_order(stamp_ns)
-            or self._prepare(stamp_ns, camera)
-        )
-        if refused is not None:
-            return refused
-        prior = self._prior(stamp_ns)
-        search_map = self.track_state.search_due(stamp_ns)
-        if prior is None and not search_map:
+        if fault := image_fault(image, mask, camera):
+            return self._silent(stamp_ns, Status.BAD_IMAGE, fault)
+        if fault := self.state.take_stamp(stamp_ns):
+            return self._silent(stamp_ns, Status.OUT_OF_ORDER, fault)
+        prepared = self._prepare(stamp_ns, camera)
+        if isinstance(prepared, Estimate):
+            return prepared
+        prior = self.state.predict(stamp_ns)
+        if prior is None and not self.state.search_due(stamp_ns):
             return self._waiting(stamp_ns)
 
         with self._stage('birdseye'):  # 1 mean per cell
-            view = self._calibrated_view_now.rectifier.rectify(image)
+            view = prepared.rectifier.rectify(image)
 
         with self._stage('gramian'):  # 2 weight per cell
-            weight = self._weigh(view, image)
-            if mask is not None:
-                weight = weight * self._calibrated_view_now.rectifier.unmasked(mask)
+            noise = self._noise(view, image)
+            match = Match(view, self._weight(view, noise, prepared, mask))
 
-        with self._stage('match'):  # 3 score per candidate, best modes refined
-            match = Match(view, weight)
-            found, verdict = self._search(stamp_ns, match, prior, everywhere=search_map)
+        with self._stage('match'):  # 3 score per candidate, best modes refined, judged
+            search = FrameSearch(
+                match=match, crops=self._crops, refiner=prepared.refiner,
+                parameters=self.parameters, map_noise=noise.map,
+            )
+            found, verdict = self._search(stamp_ns, search, prior)
 
         with self._stage('posterior'):  # 4 belief, or silence
-            return self._conclude(stamp_ns, match, found, verdict, prior)
+            match = replace(match, scores=found.scores if found else None, fit=verdict.fit)
+            return self._conclude(stamp_ns, match, verdict, prior)
 
-    def _unusable(
-        self, stamp_ns: int, image: Grey, camera: CameraModel, mask: Grey | None
-    ) -> Estimate | None:
-        size = (camera.height, camera.width)
-        for name, pixels in (('image', image), ('mask', mask)):
-            if pixels is not None and pixels.shape != size:
-                return self._silent(stamp_ns, Status.BAD_IMAGE, (
-                    f'the {name} has shape {pixels.shape}; expected grey of the camera\'s {size}'
-                ))
-        if image.dtype.kind == 'f' and not np.isfinite(image).all():
-            return self._silent(stamp_ns, Status.BAD_IMAGE, 'the image holds NaN or infinity')
-        return None
-
-    def _out_of_order(self, stamp_ns: int) -> Estimate | None:
-        fault = self._order.fault(stamp_ns)
-        if fault:
-            return self._silent(stamp_ns, Status.OUT_OF_ORDER, fault)
-        if self._order.hopped:
-            self._before_hop = self.pose_filter.known
-        elif self._order.returned:
-            self.pose_filter.known = self._before_hop
-        elif self._order.went_back:
-            self._start()
-            self.pose_filter.odometry.clear()
-        return None
-
-    def _prepare(self, stamp_ns: int, camera: CameraModel) -> Estimate | None:
+    def _prepare(self, stamp_ns: int, camera: CameraModel) -> CalibratedView | Estimate:
+        """Return what is precomputed for a camera, or why its frame cannot be used."""
         try:
             with self._stage('calibrate'):
-                view = self._calibrated_view
-                if view is None or not view.serves(camera, self.parameters):
-                    self._calibrated_view = CalibratedView(camera, self.parameters)
+                prepared = self._prepared
+                if prepared is None or not prepared.serves(camera, self.parameters):
+                    prepared = self._prepared = CalibratedView(camera, self.parameters)
+                    self.state.gain = None
         except CalibrationError as error:
-            self._calibrated_view = None
+            self._prepared = None
             return self._silent(stamp_ns, Status.NO_ROAD_IN_VIEW, str(error))
-        return None
+        return prepared
 
-    @property
-    def _calibrated_view_now(self) -> CalibratedView:
-        assert self._calibrated_view is not None
-        return self._calibrated_view
-
-    def _prior(self, stamp_ns: int) -> Belief | None:
-        belief = self.pose_filter.belief
-        if belief is not None and (belief.stamp_ns == NOW or belief.stamp_ns > stamp_ns):
-            self.pose_filter.belief = replace(belief, stamp_ns=stamp_ns)
-        return self.pose_filter.predict(stamp_ns)
-
-    def _weigh(self, view: View, image: Grey) -> Floats:
+    def _noise(self, view: View, image: Grey) -> NoiseLevels:
         score = self.parameters.score
-        noise = score.pixel_noise or estimate_pixel_noise(image)
-        self._gain = self._calibrated_view_now.gain or most_gain(
-            view.patch, view.footprint, pixel_noise=noise, map_contrast=self._map_contrast
+        pixel = score.pixel_noise or estimate_pixel_noise(image)
+        gain = self.state.gain or most_gain(
+            view.patch, view.footprint, pixel_noise=pixel, map_contrast=self._map_contrast
         )
-        weight = gramian(view.footprint, pixel_noise=noise, map_noise=self._map_noise)
-        if score.metric.startswith('euclidean'):
-            return view.valid * weight[view.valid].mean()
-        return weight
+        return NoiseLevels(pixel, score.map_noise * (gain if score.normalized else 1.0))
+
+    def _weight(
+        self, view: View, noise: NoiseLevels, prepared: CalibratedView, mask: Grey | None
+    ) -> Floats:
+        weight = gramian(view.footprint, pixel_noise=noise.pixel, map_noise=noise.map)
+        if self.parameters.score.metric.startswith('euclidean'):
+            weight = view.valid * weight[view.valid].mean()
+        return weight if mask is None else weight * prepared.rectifier.unmasked(mask)
 
     def _search(
-        self, stamp_ns: int, match: Match, prior: Belief | None, *, everywhere: bool
+        self, stamp_ns: int, search: FrameSearch, prior: Belief | None
     ) -> tuple[SearchResult | None, Verdict]:
-        """Search about the prior, or everywhere, and judge; no earlier fix vouches for a first."""
-        vouching = prior if self.track_state.confirmed else None
-        judged = partial(judge, match, parameters=self.parameters, prior=vouching)
-        if match.contrast < self.parameters.integrity.min_contrast:
+        """Search about the prior, or everywhere, and judge; no earlier fix supports a first."""
+        supporting = prior if self.state.confirmed else None
+        judged = partial(judge, search.match, parameters=self.parameters, prior=supporting)
+        if search.match.contrast < self.parameters.integrity.min_contrast:
             return None, judged(None)
-        search = FrameSearch(
-            match, self._crops, self._calibrated_view_now.refiner, self.parameters, self._map_noise
-        )
-        if everywhere or prior is None:
-            self.track_state.searched(stamp_ns)
+        if prior is None or self.state.search_due(stamp_ns):
+            self.state.searched(stamp_ns)
             found = search.everywhere(stamp_ns)
             return found, judged(found)
-        if vouching is not None:
-            near = search.near(vouching)
+        if supporting is not None:
+            near = search.near(supporting)
             verdict = judged(near)
             if verdict.status is Status.TRACKING:
                 return near, verdict
-        found = search.about(prior, fresh=self.track_state.fresh)
+        found = search.about(prior, fresh=self.state.from_initialpose)
         return found, judged(found)
 
     @cached_property
     def _map_contrast(self) -> float:
         return contrast(self.raster_map.grey, self.raster_map.valid)
 
-    @property
-    def _map_noise(self) -> float:
-        """Standard deviation of the map in the view's grey levels."""
-        score = self.parameters.score
-        return score.map_noise * (self._gain if score.normalized else 1.0)
-
     def _waiting(self, stamp_ns: int) -> Estimate:
-        if self.track_state.wanted:
+        if self.state.search_requested:
             return self._silent(stamp_ns, Status.LOST, (
                 'not found on the map; the next search is due recovery.period '
                 f'{self.parameters.recovery.period:g} s after the last'
@@ -290,58 +241,40 @@ class Localizer:
         ))
 
     def _conclude(
-        self, stamp_ns: int, match: Match, found: SearchResult | None, verdict: Verdict,
-        prior: Belief | None,
+        self, stamp_ns: int, match: Match, verdict: Verdict, prior: Belief | None
     ) -> Estimate:
         fit = verdict.fit
-        match = replace(match, scores=found.scores if found else None, fit=fit)
         if verdict.status is not Status.TRACKING or fit is None:
-            return self._missed(stamp_ns, verdict, match, prior)
-        self._calibrated_view_now.gain = fit.gain
-        belief = Belief(stamp_ns, fit.pose, fit.covariance_in_map)
-        new_place = self.track_state.new_place(stamp_ns) or self._contradicts(prior, belief)
-        self.track_state.fixed(new_place=new_place)
-        if new_place:
-            self.pose_filter.begin(belief)
-        elif prior is not None:
-            belief = self.pose_filter.correct(prior, belief, fuse=self.parameters.motion.fuse)
-        wanted = self.track_state.unconfirmed
-        if wanted > 0:
-            verdict = Verdict(Status.CONFIRMING, (
-                f'found on the map; {wanted} more agreeing frames are needed'
-            ), fit, verdict.quality)
-            return self._estimate(stamp_ns, verdict, match, None)
+            self.state.miss(prior)
+            return self._estimate(stamp_ns, self._missed(verdict), match)
+        measured = Belief(stamp_ns, fit.pose, fit.covariance_in_map)
+        belief = self.state.accept(prior, measured, gain=fit.gain)
+        if self.state.unconfirmed > 0:
+            verdict = replace(verdict, status=Status.CONFIRMING, reason=(
+                f'found on the map; {self.state.unconfirmed} more agreeing frames are needed'
+            ))
+            return self._estimate(stamp_ns, verdict, match)
         return self._estimate(stamp_ns, verdict, match, belief)
 
-    def _contradicts(self, prior: Belief | None, found: Belief) -> bool:
-        """Whether a match is not where a vehicle can be that was at the place to be confirmed."""
-        if self.track_state.unconfirmed == 0 or prior is None:
-            return False
-        return not self.pose_filter.follows(prior, found)
-
-    def _missed(
-        self, stamp_ns: int, verdict: Verdict, match: Match, prior: Belief | None
-    ) -> Estimate:
-        self.track_state.missed()
-        if prior is not None:
-            self.pose_filter.miss(prior)
-        if self.track_state.lost:
-            verdict = Verdict(Status.LOST, (
-                f'{self.track_state.misses} frames without a fix; last: {verdict.status}, '
-                f'{verdict.reason}'
-            ), verdict.fit, verdict.quality)
-        return self._estimate(stamp_ns, verdict, match, None)
+    def _missed(self, verdict: Verdict) -> Verdict:
+        """Return LOST instead of the verdict on a frame after too many without a fix."""
+        if not self.state.lost:
+            return verdict
+        return replace(verdict, status=Status.LOST, reason=(
+            f'{self.state.misses} frames without a fix; last: {verdict.status}, {verdict.reason}'
+        ))
 
     def _silent(self, stamp_ns: int, status: Status, reason: str) -> Estimate:
         return Estimate(stamp_ns, status, reason, timings_ms=dict(self._timings))
 
     def _estimate(
-        self, stamp_ns: int, verdict: Verdict, match: Match, belief: Belief | None
+        self, stamp_ns: int, verdict: Verdict, match: Match, belief: Belief | None = None
     ) -> Estimate:
         return Estimate(
-            stamp_ns, verdict.status, verdict.reason,
-            belief.pose if belief else None, belief.covariance if belief else None,
-            verdict.quality, self._timings, match,
+            stamp_ns=stamp_ns, status=verdict.status, reason=verdict.reason,
+            pose=belief.pose if belief else None,
+            covariance=belief.covariance if belief else None,
+            quality=verdict.quality, timings_ms=self._timings, match=match,
         )
 
     @contextmanager

@@ -134,7 +134,7 @@ class Frontend:
         if self.localizer.add_odometry(sample):
             self.complaints.pop('odom', None)
         else:
-            self._complain('odom', self.localizer.pose_filter.odometry.complaint)
+            self._complain('odom', self.localizer.state.pose_filter.odometry.complaint)
 
     def on_initial_pose(self, message: Any) -> None:
         """Take a geometry_msgs/PoseWithCovarianceStamped as the prior."""
@@ -192,7 +192,7 @@ class Frontend:
         except CalibrationError as error:
             self._refuse('image')
             return Estimate(stamp, Status.NO_CALIBRATION, str(error))
-        pose_filter = self.localizer.pose_filter
+        pose_filter = self.localizer.state.pose_filter
         self.warnings |= odometry_warnings(stamp, pose_filter)
         if frozen := self._repeats.frozen(stamp, image, pose_filter):
             return Estimate(stamp, Status.FROZEN_IMAGE, frozen)

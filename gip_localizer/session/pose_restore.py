@@ -113,7 +113,7 @@ class StateKeeper:
         self._last = (stamp_ns, pose)
 
     def _odometry(self, stamp_ns: int) -> Pose2 | None:
-        return self._localizer.pose_filter.odometry.pose_at(stamp_ns)
+        return self._localizer.state.pose_filter.odometry.pose_at(stamp_ns)
 
 
 def _state(

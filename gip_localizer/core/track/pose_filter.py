@@ -78,6 +78,17 @@ class PoseFilter:
         self.known = FilterState()
         self.prediction_source = 'none'
 
+    def __str__(self) -> str:
+        """Return the belief and what it was predicted with."""
+        if self.belief is None:
+            return 'no belief'
+        pose, sigma = self.belief.pose, np.sqrt(np.diag(self.belief.covariance))
+        return (
+            f'belief ({pose.x:.3f} m, {pose.y:.3f} m, {pose.yaw:.4f} rad) +- '
+            f'({sigma[0]:.3f} m, {sigma[1]:.3f} m, {sigma[2]:.4f} rad), predicted by '
+            f'{self.prediction_source}'
+        )
+
     @property
     def belief(self) -> Belief | None:
         """The last fix, or a prediction since."""

@@ -39,6 +39,13 @@ class StampCheck:
         self._before_ns: int | None = None  # the hop
         self._apart_ns: int | None = None
 
+    def __str__(self) -> str:
+        """Return the stamp of the last frame, and that of a leap to be confirmed."""
+        last = 'no frame yet' if self._last_ns is None else f'last frame {self._last_ns} ns'
+        if self._apart_ns is None:
+            return last
+        return f'{last}, {self._apart_ns} ns to be confirmed'
+
     def is_long_past(self, stamp_ns: int) -> bool:
         """Tell whether a stamp is so far before the last frame that clocks must differ."""
         return self._last_ns is not None and stamp_ns < self._last_ns - LONG_PAST_NS

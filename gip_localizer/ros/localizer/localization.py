@@ -152,9 +152,9 @@ class Localization:
         if self._health.wanted:
             self._publish(estimate, elapsed_ms)
         self._health.took(estimate, elapsed_ms)
-        if seconds := self._frontend.localizer.went_back:
+        if seconds := self._frontend.localizer.state.stamps.went_back:
             self._health.time_went_back(seconds)
-        self._health.prediction = self._frontend.localizer.pose_filter.prediction_source
+        self._health.prediction = self._frontend.localizer.state.pose_filter.prediction_source
         self._health.warnings = self._frontend.warnings
         self._health.overtaken = self._inputs.overtaken
         self._tell_changes()
@@ -181,7 +181,7 @@ class Localization:
     def _publish_transform(self, estimate: Estimate) -> None:
         if self._tf is None or estimate.pose is None:
             return
-        odometry = self._frontend.localizer.pose_filter.odometry.pose_at(estimate.stamp_ns)
+        odometry = self._frontend.localizer.state.pose_filter.odometry.pose_at(estimate.stamp_ns)
         if odometry is None:
             self._health.lasting['NO_TF'] = 'no odometry at the stamp of the image'
             return
