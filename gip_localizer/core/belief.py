@@ -34,7 +34,7 @@ class Belief:
     covariance : (3, 3) float64
         Of x, y (m), yaw (rad), map axes.
     driven, unseen : float
-        Metres and seconds since a fix told the pose.
+        Metres and seconds since the last fix.
 
     """
 
@@ -64,7 +64,7 @@ def checked_prior(stamp_ns: int, pose: Pose2, covariance: Floats) -> Belief:
         raise PriorError('prior holds NaN or infinity; expected finite x, y, yaw and covariance')
     if np.abs(covariance).max() > VAGUEST:
         raise PriorError(
-            f'prior covariance says nothing (it holds {np.abs(covariance).max():.3g}); '
+            f'prior covariance is too large to be of use ({np.abs(covariance).max():.3g}); '
             'call ~/relocalize instead'
         )
     symmetric = 0.5 * (covariance + covariance.T)

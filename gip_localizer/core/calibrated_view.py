@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What is computed once per calibration and set of parameters."""
+"""What is precomputed once per calibration and set of parameters."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class CalibratedView:
     """
 
     def __init__(self, camera: CameraModel, parameters: Parameters) -> None:
-        self._rests_on = _relevant(camera, parameters)
+        self._inputs = _relevant(camera, parameters)
         self.rectifier = Rectifier(camera, parameters.birdseye)
         self.refiner = Refiner(
             self.rectifier, parameters.camera_motion,
@@ -38,8 +38,8 @@ class CalibratedView:
         )
 
     def serves(self, camera: CameraModel, parameters: Parameters) -> bool:
-        """Tell whether nothing that this rests on has changed."""
-        return self._rests_on == _relevant(camera, parameters)
+        """Whether calibration and parameters are still those that this was computed for."""
+        return self._inputs == _relevant(camera, parameters)
 
 
 def _relevant(camera: CameraModel, parameters: Parameters) -> tuple[object, ...]:

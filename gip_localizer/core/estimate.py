@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the localizer says of one frame."""
+"""The outcome of one frame."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Estimate:
     covariance : (3, 3) float64 or None
         Of x, y (m) and yaw (rad), map axes.
     quality : dict
-        Figures the decision rests on, by name.
+        Figures that the decision is made from, by name.
     timings_ms : dict
         Milliseconds per stage.
     match : Match or None

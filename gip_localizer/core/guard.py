@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What an error costs that nobody foresaw: the frame, and not those that follow."""
+"""An unexpected exception costs one frame, not the frames after it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def run_guarded(
     work: Callable[[], Estimate], stamp_ns: int, log: Callable[[str], object]
 ) -> Estimate:
     """
-    Localize, and say so where that raises.
+    Localize a frame; an unexpected exception becomes an estimate with status FAULT.
 
     Parameters
     ----------
@@ -38,20 +38,20 @@ def run_guarded(
 
     """
     found: list[Estimate] = []
-    told = fault_of(lambda: found.append(work()), log)
-    if told:
-        return Estimate(stamp_ns, Status.FAULT, f'{told}; the next frame is localized')
+    fault = fault_of(lambda: found.append(work()), log)
+    if fault:
+        return Estimate(stamp_ns, Status.FAULT, f'{fault}; the next frame is localized')
     return found[0]
 
 
 def fault_of(work: Callable[[], object], log: Callable[[str], object]) -> str:
-    """Do some work; say what it raised, empty: nothing (`log`, WorkEndedError: as above)."""
+    """Do some work; return what it raised, empty for nothing (`log`, WorkEndedError: as above)."""
     try:
         work()
     except WorkEndedError:
         raise
-    except Exception as error:  # a fault of this package, whatever it is
-        check_end()  # whose pools break first
+    except Exception as error:  # any fault of this package
+        check_end()  # thread pools fail first when the process ends
         log(traceback.format_exc())
         return (
             f'{type(error).__name__}: {error}; a fault of gip_localizer, please report it with '

@@ -24,7 +24,7 @@ def wrap_angle(angle: float) -> float:
 
 class Pose2(NamedTuple):
     """
-    A pose in the plane, and the transform it stands for.
+    A pose in the plane, which is also the transform from its frame to the parent frame.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Pose2(NamedTuple):
         return np.asarray(xy) @ self.rotation().T + np.array([self.x, self.y])
 
     def is_finite(self) -> bool:
-        """Tell whether all three numbers are finite."""
+        """Whether all three numbers are finite."""
         return all(math.isfinite(value) for value in self)
 
 

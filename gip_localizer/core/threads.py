@@ -1,17 +1,16 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The one thread setting of BLAS, FFT and OpenCV.
+Threads of BLAS, FFT, OpenCV and of this package, set in one place.
 
-- Yaws, and bands of an image that is not of bytes, are divided over at most `WORKERS` threads of
-  ours; NumPy, SciPy, OpenCV and our compiled loops release Python's lock inside.
-- BLAS and OpenCV run on one thread: our matrices and warps are small, and their threads would spin
-  more than compute beside a camera driver that needs the cores (measured: 2.5 times the processor
-  time per frame with BLAS's). The settings are read when NumPy and OpenCV are loaded, so `ros` and
-  `cli` make them before.
+- Yaws, and bands of images of 16 bit or float, are divided over at most `WORKERS` threads of this
+  package; NumPy, SciPy, OpenCV and the compiled loops release Python's lock inside.
+- BLAS and OpenCV run on one thread: the matrices and warps are small, and their threads would mostly
+  wait, on cores that a camera driver needs (measured: with BLAS threads a frame takes 2.5 times the
+  processor time). NumPy and OpenCV read the setting when they are loaded, so `ros` and `cli` make
+  it before.
 - The FFTs get no threads of their own: there are always more yaws than cores.
-- A process that shares the cores with others of its kind takes no threads of ours
-  (`use_one_thread`).
+- A process that shares the cores with others of its kind uses one thread (`use_one_thread`).
 
 """
 
@@ -35,6 +34,7 @@ def _cores() -> int:
 
 
 WORKERS = max(1, min(2, _cores()))
+"""Most threads for one frame. Two: the machine that was measured has two cores (BENCHMARK.md)."""
 _ending = threading.Event()
 
 
@@ -55,7 +55,7 @@ class WorkEndedError(Exception):
 
 
 def end_work() -> None:
-    """Let work that another thread is at end at its next `check_end`, so that the process can."""
+    """End the work of other threads at their next `check_end`, so that the process can end."""
     _ending.set()
 
 
@@ -69,10 +69,10 @@ def in_parallel(
     work: Callable[[Part], None], parts: Iterable[Part], *, worth_it: bool = True
 ) -> None:
     """
-    Do the work on every part, in this thread and beside it; who is free takes the next one.
+    Do the work on every part, in this thread and in the pool; a free thread takes the next part.
 
-    Parts of less than a millisecond wait for Python's lock longer than they gain: where they are
-    not `worth_it`, this thread does all of them. Raises WorkEndedError after `end_work`.
+    Parts of less than a millisecond lose more time waiting for Python's lock than they gain: with
+    `worth_it` False this thread does all of them. Raises WorkEndedError after `end_work`.
 
     """
     left = deque(parts)

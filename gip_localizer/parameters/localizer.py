@@ -3,8 +3,8 @@
 """
 Every tunable of the localizer, once: default, unit, bounds and meaning.
 
-From here come the node's declarations, `config/localizer.yaml`, the README's table and the
-command line's `--set`. A new parameter is one line here and `make params`.
+The node's declarations, `config/localizer.yaml`, `docs/parameters.md` and the command line's
+`--set` are made from it. A new parameter is one line here and `make params`.
 
 """
 
@@ -49,7 +49,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class MountedCamera(Camera):
-    """The same in a vehicle, whose own description may know where it is mounted."""
+    """A camera in a vehicle, whose pose may also come from TF."""
 
     from_tf: bool = p(
         False, 'Take the pose of the camera from /tf_static (base to the frame of the image) '
@@ -109,7 +109,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Motion:
-    """What the vehicle may do between frames, and how odometry is trusted."""
+    """Motion between frames: noise of the odometry, and growth of the uncertainty with time."""
 
     sigma_xy_per_m: float = p(0.05, 'Odometry drift per metre driven.', unit='m/m', low=0.0,
                               high=1.0)
@@ -121,7 +121,7 @@ class Motion:
                                unit='rad/s', low=0.0, high=10.0)
     max_gap: float = p(0.5, 'Longest gap of odometry that is bridged.', unit='s', low=0.01,
                        high=60.0)
-    max_speed: float = p(70.0, 'Faster motion is a jump, and refused.', unit='m/s', low=0.1,
+    max_speed: float = p(70.0, 'Faster motion in odometry is refused as a jump.', unit='m/s', low=0.1,
                          high=400.0)
     fuse: bool = p(True, 'Fuse each match with the prediction; false: publish the match alone.')
 
@@ -140,18 +140,17 @@ class CameraMotion:
 
 @dataclass(frozen=True)
 class Integrity:
-    """When a match is not believed."""
+    """Limits below or above which a match is not published."""
 
     min_confidence: float = p(
-        0.9, 'Least probability that a match is at the right place.', low=0.0, high=1.0
+        0.9, 'Least probability that a match is at the right place, to be published.', low=0.0, high=1.0
     )
     min_confidence_tracking: float = p(
-        0.35, 'The same for a match where earlier fixes and the motion expect it.', low=0.0,
-        high=1.0,
+        0.35, 'The same for a match that lies where earlier fixes and the motion predict it.',
+        low=0.0, high=1.0,
     )
     min_winner_mass: float = p(
-        0.9, 'Least share of the posterior that the winning mode must hold, unless it is far '
-        'ahead.', low=0.0, high=1.0,
+        0.9, 'Least share of the posterior in the winning mode, unless its margin is large.', low=0.0, high=1.0,
     )
     min_contrast: float = p(
         0.002, 'Least weighted standard deviation of the view, grey levels of [0, 1].', low=0.0,
@@ -167,9 +166,9 @@ class Integrity:
 
 @dataclass(frozen=True)
 class Recovery:
-    """How a lost pose is found again."""
+    """Search of the whole map after a loss."""
 
-    automatic: bool = p(True, 'Search the whole map when lost; false: only when asked.')
+    automatic: bool = p(True, 'Search the whole map when lost; false: only on request.')
     period: float = p(1.0, 'Least time between two automatic searches.', unit='s', low=0.0,
                       high=3600.0)
     confirm_frames: int = p(3, 'Frames that must agree before a found pose is published.', low=1,
@@ -191,8 +190,8 @@ class Parameters(ParameterGroup):
         choices=('raw', 'compressed'), read_only=True,
     )
     image_reliability: str = p(
-        'best_effort', 'Reliability asked of the camera; reliable cures lost large frames if '
-        'the camera publishes reliably.', choices=('best_effort', 'reliable'), read_only=True,
+        'best_effort', 'Requested QoS reliability of the image; with reliable no large frames are '
+        'lost, if the camera publishes reliably.', choices=('best_effort', 'reliable'), read_only=True,
     )
     lifecycle: bool = p(False, 'Start unconfigured, as a managed (lifecycle) node.',
                         read_only=True)
@@ -214,7 +213,7 @@ class Parameters(ParameterGroup):
     diagnostics: Diagnostics = group(Diagnostics)
 
     def check(self) -> None:
-        """Judge what spans several parameters (raises ParameterError)."""
+        """Check what depends on several parameters (raises ParameterError)."""
         view = self.birdseye
         if view.far - view.near < 2.0 * view.resolution:
             raise ParameterError(
@@ -245,8 +244,8 @@ class Parameters(ParameterGroup):
             )
 
 
-MAX_VIEW_CELLS = 4e6
-MAX_CANDIDATES = 2e9
+MAX_VIEW_CELLS = 4e6  # keeps a view below about 100 MB (chosen)
+MAX_CANDIDATES = 2e9  # of a window; keeps its score surface below about 10 GB (chosen)
 
 
 def load_parameter_file(path: Path | str) -> Parameters:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-How a parameter is said once: a dataclass field that carries unit, range and meaning.
+A parameter is defined once: a dataclass field that carries unit, range and meaning.
 
 `ParameterGroup` turns such dataclasses, nested, into dotted names and back, and judges values.
 Both the localizer (`gip_localizer.parameters`) and the synthetic camera declare theirs this way.
@@ -23,7 +23,7 @@ from gip_localizer.errors import ParameterError
 
 Value = bool | int | float | str
 OF_ANY_NODE = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
-"""What `ros2 param dump` writes beside the parameters of the tree."""
+"""What `ros2 param dump` writes in addition to the parameters of the tree."""
 Group = TypeVar('Group', bound='ParameterGroup')
 
 
@@ -110,7 +110,7 @@ class Spec:
 
 
 def _is_number(value: object, kind: type) -> bool:
-    """Tell a number, NumPy's too, from a truth value."""
+    """Whether a value is a number (NumPy's too) and no truth value."""
     return isinstance(value, kind) and not isinstance(value, bool)
 
 
