@@ -3,12 +3,12 @@
 """
 Threads of BLAS, FFT, OpenCV and of this package, set in one place.
 
-- Yaws, and bands of images of 16 bit or float, are divided over at most `WORKERS` threads of this
-  package; NumPy, SciPy, OpenCV and the compiled loops release Python's lock inside.
-- BLAS and OpenCV run on one thread: the matrices and warps are small, and their threads would mostly
-  wait, on cores that a camera driver needs (measured: with BLAS threads a frame takes 2.5 times the
-  processor time). NumPy and OpenCV read the setting when they are loaded, so `ros` and `cli` make
-  it before.
+- Yaws, and bands of images of 16 bit or float, are divided over at most `WORKERS` threads of
+  this package; NumPy, SciPy, OpenCV and the compiled loops release Python's lock inside.
+- BLAS and OpenCV run on one thread: the matrices and warps are small, and their threads would
+  mostly wait, on cores that a camera driver needs (measured: with BLAS threads a frame takes
+  2.5 times the processor time). NumPy and OpenCV read the setting when they are loaded, so `ros`
+  and `cli` make it before.
 - The FFTs get no threads of their own: there are always more yaws than cores.
 - A process that shares the cores with others of its kind uses one thread (`use_one_thread`).
 

@@ -121,8 +121,8 @@ class Motion:
                                unit='rad/s', low=0.0, high=10.0)
     max_gap: float = p(0.5, 'Longest gap of odometry that is bridged.', unit='s', low=0.01,
                        high=60.0)
-    max_speed: float = p(70.0, 'Faster motion in odometry is refused as a jump.', unit='m/s', low=0.1,
-                         high=400.0)
+    max_speed: float = p(70.0, 'Faster motion in odometry is refused as a jump.', unit='m/s',
+                         low=0.1, high=400.0)
     fuse: bool = p(True, 'Fuse each match with the prediction; false: publish the match alone.')
 
 
@@ -143,14 +143,16 @@ class Integrity:
     """Limits below or above which a match is not published."""
 
     min_confidence: float = p(
-        0.9, 'Least probability that a match is at the right place, to be published.', low=0.0, high=1.0
+        0.9, 'Least probability that a match is at the right place, to be published.',
+        low=0.0, high=1.0,
     )
     min_confidence_tracking: float = p(
         0.35, 'The same for a match that lies where earlier fixes and the motion predict it.',
         low=0.0, high=1.0,
     )
     min_winner_mass: float = p(
-        0.9, 'Least share of the posterior in the winning mode, unless its margin is large.', low=0.0, high=1.0,
+        0.9, 'Least share of the posterior in the winning mode, unless its margin is large.',
+        low=0.0, high=1.0,
     )
     min_contrast: float = p(
         0.002, 'Least weighted standard deviation of the view, grey levels of [0, 1].', low=0.0,
@@ -191,7 +193,8 @@ class Parameters(ParameterGroup):
     )
     image_reliability: str = p(
         'best_effort', 'Requested QoS reliability of the image; with reliable no large frames are '
-        'lost, if the camera publishes reliably.', choices=('best_effort', 'reliable'), read_only=True,
+        'lost, if the camera publishes reliably.', choices=('best_effort', 'reliable'),
+        read_only=True,
     )
     lifecycle: bool = p(False, 'Start unconfigured, as a managed (lifecycle) node.',
                         read_only=True)
