@@ -111,11 +111,22 @@ def test_pixels_come_back_from_the_road(lens, roll, pitch, yaw, height, seed):
     np.testing.assert_allclose(back, uv[on_road], atol=0.02)
 
 
-def test_the_road_s_homography_is_the_undistorted_projection():
-    camera = make_camera()
-    ray = np.column_stack([ROAD, np.ones(len(ROAD))]) @ camera.H_image_road.T
-    pixels = ray[:, :2] / ray[:, 2:] * camera.K[[0, 1], [0, 1]] + camera.K[:2, 2]
-    np.testing.assert_allclose(pixels, camera.project(ROAD)[0], atol=1e-8)
+@pytest.mark.parametrize('lens', sorted(LENSES))
+def test_the_road_goes_through_one_homography_which_is_the_projection_of_points(lens):
+    camera = make_camera(lens, held=Extrinsics(0.5, -0.2, 1.4, 0.02, 0.3, -0.1))
+    uv, valid = camera.project(ROAD)
+    expected, seen = camera.project(np.column_stack([ROAD, np.zeros(len(ROAD))]))
+    np.testing.assert_array_equal(valid, seen)
+    np.testing.assert_allclose(uv[valid], expected[seen], atol=1e-8)
+    both = camera.H_road_image @ camera.H_image_road
+    np.testing.assert_allclose(both, -1.4 * np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize('height', [0.0, 1e-9])
+def test_a_camera_on_the_road_sees_no_footprints(height):
+    camera = make_camera(held=Extrinsics(z=height, pitch=0.2))
+    assert np.isfinite(camera.H_road_image).all()
+    assert camera.project(ROAD)[0].shape == ROAD.shape
 
 
 def test_nothing_is_on_the_road_above_the_horizon():

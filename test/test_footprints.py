@@ -11,7 +11,8 @@ import pytest
 from gip_localizer.core.birdseye.footprints import footprint_areas, overlap_matrix, pixel_box
 from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.camera.model import CameraModel, Extrinsics
-from gip_localizer.core.gramian import axis_depth, closed_form_footprint, closed_form_gramian
+from gip_localizer.paper.geometry import depth_of_distance, PaperCamera
+from gip_localizer.paper.theory import footprint
 
 GRID = Grid(9.0, 2.0, 60, 40, 0.1)
 
@@ -31,16 +32,14 @@ def test_footprints_equal_the_paper_s_closed_form_in_its_geometry():
     areas, valid = footprint_areas(camera, grid)
     assert valid[:, 3:6].all()  # the middle columns are in view over all eight rows
     held = camera.extrinsics
+    paper = PaperCamera(  # in metres and pixels here: its equations hold in any unit
+        height=held.z, pitch_deg=math.degrees(held.pitch), focal_length=camera.K[0, 0]
+    )
     for row in range(grid.rows):
         near = grid.far - (row + 1) * grid.resolution
-        z_near, z_far = (axis_depth(d, held.z, held.pitch) for d in (near, near + 0.2))
-        expected = closed_form_footprint(
-            camera.K[0, 0], held.z, held.pitch, 0.2, z_near=z_near, z_far=z_far
-        )
+        z_near, z_far = depth_of_distance(paper, np.array([near, near + 0.2]))
+        expected = footprint(paper, np.array(0.2), z_near, z_far)
         np.testing.assert_allclose(areas[row][valid[row]], expected, rtol=0.005)
-        G = closed_form_gramian(0.2, z_near, z_far)
-        scale = camera.K[0, 0] ** 2 * held.z / math.cos(held.pitch)
-        np.testing.assert_allclose(areas[row][valid[row]] / scale, G, rtol=0.005)
 
 
 def test_the_pixels_of_a_cell_add_up_to_the_closed_form_too():

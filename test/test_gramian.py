@@ -2,19 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
 from gip_localizer.core.birdseye.pixel_noise import estimate_pixel_noise
-from gip_localizer.core.gramian import (
-    axis_depth,
-    closed_form_footprint,
-    closed_form_gramian,
-    gramian,
-    NOISE_FLOOR,
-)
+from gip_localizer.core.gramian import gramian, NOISE_FLOOR
 
 AREAS = np.array([[0.0, 0.5, 2.0], [10.0, 300.0, 5000.0]], np.float32)
 
@@ -38,18 +30,6 @@ def test_no_noise_at_all_still_gives_finite_weights():
     weight = gramian(AREAS, pixel_noise=0.0, map_noise=0.0)
     assert np.isfinite(weight).all()
     np.testing.assert_allclose(weight, AREAS / NOISE_FLOOR**2, rtol=1e-5)
-
-
-def test_the_closed_form_is_the_integral_of_the_area_scale():
-    h, pitch, f = 0.583, 0.6266, 900.0
-    z = np.linspace(axis_depth(0.4, h, pitch), axis_depth(0.6, h, pitch), 20001)
-    density = f**2 * h / math.cos(pitch) / z**3
-    integral = 0.2 * np.sum((density[1:] + density[:-1]) / 2 * np.diff(z))
-    area = closed_form_footprint(f, h, pitch, 0.2, z_near=z[0], z_far=z[-1])
-    assert area == pytest.approx(integral, rel=1e-7)
-    assert closed_form_gramian(0.2, z[0], z[-1]) * f**2 * h / math.cos(pitch) == (
-        pytest.approx(area)
-    )
 
 
 @pytest.mark.parametrize('sigma', [0.01, 0.03, 0.1])

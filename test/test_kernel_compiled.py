@@ -16,14 +16,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 import pytest
 from scipy import sparse
 
+from gip_localizer.core import cell_means
 from gip_localizer.core.birdseye.byte_footprints import BLOCK
 from gip_localizer.core.birdseye.footprint_means import FootprintMeans
 from gip_localizer.core.birdseye.footprints import PARTS
+from gip_localizer.core.cell_means import downsampled
 from gip_localizer.core.kernels import library as compiled
-from gip_localizer.core.match import downsampling
 from gip_localizer.core.match import fft as spectra
 from gip_localizer.core.match.compiled_scores import Buffer, Comparison
-from gip_localizer.core.match.downsampling import joined
 from gip_localizer.core.match.template_rotation import MARGIN, MOST_SLOPE, Templates
 
 needs_kernels = pytest.mark.skipif(not compiled.AVAILABLE, reason='no C compiler built them')
@@ -222,7 +222,7 @@ CORNERS = [((0, 0), (11, 8)), ((2, 1), (12, 10)), ((-4, -3), (7, 6)), ((5, -2), 
 @pytest.mark.parametrize('replicate', [False, True])
 def test_joined_cells_equal_the_definition(corner, shape, factor, smooth, replicate):
     values = np.random.default_rng(5).random((31, 27), np.float32)[:, 2:-1]
-    found = joined(values, factor, shape, corner=corner, smooth=smooth, replicate=replicate)
+    found = downsampled(values, factor, shape, corner=corner, smooth=smooth, replicate=replicate)
     expected = by_definition(values, factor, shape, corner, smooth, replicate)
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
@@ -231,9 +231,9 @@ def test_joined_cells_equal_the_definition(corner, shape, factor, smooth, replic
 @pytest.mark.parametrize('factor', [2, 3, 4])
 @pytest.mark.parametrize('replicate', [False, True])
 def test_cells_are_joined_without_the_loop_too(corner, shape, factor, replicate, monkeypatch):
-    monkeypatch.setattr(downsampling, 'AVAILABLE', False)
+    monkeypatch.setattr(cell_means, 'AVAILABLE', False)
     values = np.random.default_rng(5).random((31, 27), np.float32)
-    found = joined(values, factor, shape, corner=corner, replicate=replicate)
+    found = downsampled(values, factor, shape, corner=corner, replicate=replicate)
     expected = by_definition(values, factor, shape, corner, False, replicate)
     np.testing.assert_allclose(found, expected, atol=1e-6)
 

@@ -116,31 +116,31 @@ def test_a_window_without_map_has_no_winner():
 
 def test_joining_keeps_weights_and_means():
     case = level(3)
-    joined = case.joined(2)
-    assert joined.weight.sum() == pytest.approx(case.weight.sum(), rel=1e-5)
-    even = replace(case, values=np.full_like(case.values, 0.3)).joined(2)
+    larger = case.downsampled(2)
+    assert larger.weight.sum() == pytest.approx(case.weight.sum(), rel=1e-5)
+    even = replace(case, values=np.full_like(case.values, 0.3)).downsampled(2)
     np.testing.assert_allclose(even.values[even.weight > 0.0], 0.3, rtol=1e-5)
-    assert joined.grid.resolution == 2 * case.grid.resolution
-    assert joined.window.shape == widened(joined.canvas, joined.lattice).shape
-    assert joined.known.all()
+    assert larger.grid.resolution == 2 * case.grid.resolution
+    assert larger.window.shape == widened(larger.canvas, larger.lattice).shape
+    assert larger.known.all()
     # the window shows the map at its place: the same cells, smoothed and joined by hand
-    wide, fine = widened(joined.canvas, joined.lattice), widened(case.canvas, case.lattice)
+    wide, fine = widened(larger.canvas, larger.lattice), widened(case.canvas, case.lattice)
     top = round((fine.far - wide.far) / fine.resolution)
     left = round((fine.left - wide.left) / fine.resolution)
     r, c = 10, 12
     part = case.window[2 * r + top - 1 : 2 * r + top + 3, 2 * c + left - 1 : 2 * c + left + 3]
     share = np.array([1.0, 3.0, 3.0, 1.0]) / 8.0
-    assert joined.window[r, c] == pytest.approx(share @ part @ share, abs=1e-6)
+    assert larger.window[r, c] == pytest.approx(share @ part @ share, abs=1e-6)
     # and so does the view, by weight
     cells = slice(2 * r - 1, 2 * r + 3), slice(2 * c - 1, 2 * c + 3)
     weight, values = case.weight[cells], case.values[cells]
     mean = (share @ (weight * values) @ share) / (share @ weight @ share)
-    assert joined.values[r, c] == pytest.approx(mean, abs=1e-6)
+    assert larger.values[r, c] == pytest.approx(mean, abs=1e-6)
 
 
 def test_joined_candidates_are_candidates():
     case = level(4)
-    twice = case.joined(2).joined(2)
+    twice = case.downsampled(2).downsampled(2)
     assert twice.lattice.step == pytest.approx(4 * case.lattice.step)
     assert set(twice.lattice.yaws) <= set(case.lattice.yaws)
     reach = twice.lattice.half[0] * twice.lattice.step

@@ -8,7 +8,7 @@ from match_samples import ANCHOR, GRID, texture, texture_map, view_from, weights
 import numpy as np
 import pytest
 
-from gip_localizer.core.match.downsampling import coarsened, locally_centred
+from gip_localizer.core.match.downsampling import downsampled_view, locally_centred
 from gip_localizer.core.pose import Pose2
 
 TRUTH = ANCHOR @ Pose2(0.2, -0.3, 0.0)
@@ -18,7 +18,7 @@ TRUTH = ANCHOR @ Pose2(0.2, -0.3, 0.0)
 def test_joining_cells_keeps_weights_and_weighted_sums(factor):
     weight = weights(equal=False)
     view = view_from(texture_map(), TRUTH, weight)
-    joined, total = coarsened(view, weight, factor)
+    joined, total = downsampled_view(view, weight, factor)
     assert joined.grid.shape == (math.ceil(40 / factor), math.ceil(30 / factor))
     assert total.sum() == pytest.approx(weight.sum(), rel=1e-5)
     assert (total * joined.patch).sum() == pytest.approx((weight * view.patch).sum(), rel=1e-5)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from gip_localizer.core.gramian import closed_form_gramian
 from gip_localizer.errors import ParameterError
 from gip_localizer.paper.geometry import (
     depth_of_distance,
@@ -22,7 +21,6 @@ from gip_localizer.paper.theory import (
     error_generalized,
     error_standard,
     footprint,
-    gramian,
     snr,
     unweighted_cdf,
     weighted_cdf,
@@ -57,11 +55,6 @@ def test_footprint_is_the_integral_of_the_area_scale():
     area, _ = dblquad(scale, -10.0, 10.0, 70.0, 90.0)
     closed = footprint(CAMERA, np.array(20.0), np.array(70.0), np.array(90.0))
     assert float(closed) == pytest.approx(area, rel=1e-9)
-
-
-def test_gramian_is_the_products_closed_form():
-    ours = gramian(np.array(20.0), np.array(70.0), np.array(90.0))
-    assert float(ours) == pytest.approx(closed_form_gramian(20.0, 70.0, 90.0), rel=1e-12)
 
 
 def test_snr_falls_with_the_cube_of_depth():

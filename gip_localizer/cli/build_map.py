@@ -147,7 +147,7 @@ def _tell(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None:
         Row('frames used', str(drive.builder.frames), ''),
         *(Row(f'frames skipped: {kind}', str(count), drive.first[kind])
           for kind, count in drive.skipped.items()),
-        Row('frames that overlap none before', str(drive.builder.unjoined), ''),
+        Row('frames that overlap none before', str(drive.builder.without_overlap), ''),
         Row('gain against the first frame', f'{min(gains):.3f} to {max(gains):.3f}', ''),
         Row('corners of the image lifted by', f'{corner:.3f}', ''),
         Row('cells seen', str(int(valid.sum())), f'of {raster_map.resolution:g} m'),

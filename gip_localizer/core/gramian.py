@@ -21,38 +21,6 @@ MOST_RATIO = 4.0  # of the contrast of the map to that of the part of it that a 
 NOISE_FLOOR = 0.25 / 255.0  # grey levels of [0, 1]: rounding to 8 bits alone gives 0.29/255
 
 
-def closed_form_gramian(width: float, z_near: float, z_far: float) -> float:
-    """
-    G of a cell in the paper's geometry (equation Gramian).
-
-    Parameters
-    ----------
-    width : float
-        Lateral extent of the cell, x_u - x_l.
-    z_near, z_far : float
-        Depths along the optical axis of its edges (not ground distances).
-
-    Returns
-    -------
-    float
-        `(x_u - x_l)/2 · (1/z_l² - 1/z_u²)`.
-
-    """
-    return width / 2.0 * (1.0 / z_near**2 - 1.0 / z_far**2)
-
-
-def closed_form_footprint(
-    focal: float, height: float, pitch: float, width: float, *, z_near: float, z_far: float
-) -> float:
-    """Footprint area of a cell in the paper's geometry (TildeA): `f² h secθ · G`."""
-    return focal**2 * height / math.cos(pitch) * closed_form_gramian(width, z_near, z_far)
-
-
-def axis_depth(distance: float, height: float, pitch: float) -> float:
-    """Depth along the optical axis of a road point: `z = d cosθ + h sinθ`."""
-    return distance * math.cos(pitch) + height * math.sin(pitch)
-
-
 def gramian(footprint: Floats, *, pixel_noise: float, map_noise: float) -> Floats:
     """
     Weight of every cell.
@@ -103,9 +71,3 @@ def most_gain(
     spread = float((footprint * (patch - mean) ** 2).sum(dtype=np.float64)) / total
     noise = pixel_noise**2 * np.count_nonzero(footprint) / total
     return min(MOST_RATIO * math.sqrt(max(spread - noise, 0.0)) / map_contrast, 1.0)
-
-
-
-
-
-

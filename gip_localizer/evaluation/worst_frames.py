@@ -12,13 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gip_localizer.core.arrays import Bools
 from gip_localizer.core.estimate import Estimate
 from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.match.lattice import map_window
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.evaluation.run import FrameExhibit
 from gip_localizer.io.trajectory import Trajectory
+from gip_localizer.visualization.match_images import Picture, stretched
 
-Picture = NDArray[np.uint8]
+UNKNOWN = 235  # grey of cells that were not seen or are not on the map
 
 
 def frame_exhibit(title: str, image: NDArray[Any] | None, estimate: Estimate,
@@ -40,17 +43,16 @@ def frame_exhibit(title: str, image: NDArray[Any] | None, estimate: Estimate,
     """
     pictures: dict[str, NDArray[Any]] = {}
     if image is not None:
-        pictures['camera image'] = _stretched(np.asarray(image, np.float32))
+        pictures['camera image'] = stretched(np.asarray(image, np.float32), np.isfinite(image))
     match = estimate.match
     if match is None:
         return FrameExhibit(title, estimate.stamp_ns, pictures)
     view = match.view
-    pictures['bird\'s-eye view'] = _stretched(np.where(view.valid, view.patch, np.nan))
+    pictures['bird\'s-eye view'] = _picture(view.patch, view.valid)
     pose = _matched_pose(estimate)
     if pose is not None:
-        values, known = raster_map.sample(pose.transform(view.grid.points()))
-        window = np.where(known, values, np.nan).reshape(view.grid.shape)
-        pictures['matched map window'] = _stretched(np.where(view.valid, window, np.nan))
+        window, known = map_window(raster_map, view.grid, pose)
+        pictures['matched map window'] = _picture(window, view.valid & (known > 0.0))
     if match.scores is not None:
         best = match.scores.best()[0]
         pictures['score surface (ahead is up)'] = np.asarray(
@@ -68,15 +70,9 @@ def _matched_pose(estimate: Estimate) -> Pose2 | None:
     return estimate.pose
 
 
-def _stretched(values: NDArray[Any]) -> Picture:
-    """Stretch grey from the 1st to the 99th percentile; what is not finite becomes light."""
-    finite = np.isfinite(values)
-    if not finite.any():
-        return np.full(values.shape, 235, np.uint8)
-    low, high = np.percentile(values[finite], (1.0, 99.0))
-    share = (np.where(finite, values, low) - low) / max(high - low, 1e-9)
-    grey = np.clip(share * 255.0, 0.0, 255.0)
-    return np.where(finite, grey, 235.0).astype(np.uint8)
+def _picture(values: NDArray[Any], valid: Bools) -> Picture:
+    """Stretch grey where it is valid; elsewhere it is light."""
+    return np.where(valid, stretched(values, valid), UNKNOWN).astype(np.uint8)
 
 
 class WorstFrames:

@@ -158,7 +158,7 @@ def _draw_grid(axes: Axes, check: CalibrationCheck) -> None:
 
 
 def _draw_road_line(axes: Axes, camera: CameraModel, points: Floats) -> None:
-    pixels, valid = camera.project(np.column_stack([points, np.zeros(len(points))]))
+    pixels, valid = camera.project(points)
     pixels[~valid] = np.nan
     axes.plot(pixels[:, 0], pixels[:, 1], color=ESTIMATE, lw=0.8)
 

@@ -25,7 +25,7 @@ from gip_localizer.mapping.splatting import draw, Drawn
 from gip_localizer.mapping.tiles import Box, TiledSums
 
 LEAST_WEIGHT = 400.0  # of a cell: one whose grey is not known to 0.05 is left out
-JOINED = (6, 3, 1)  # cells a side of the blocks on which exposures are compared, at best
+BLOCK_SIDES = (6, 3, 1)  # cells a side of the blocks on which exposures are compared, at best
 FULL = 65535.0
 
 
@@ -43,7 +43,7 @@ class MapBuilder:
     def __init__(self, resolution: float) -> None:
         self.resolution = resolution
         self.frames = 0
-        self.unjoined = 0
+        self.without_overlap = 0
         self.exposures: list[Exposure] = []
         self._sums = TiledSums(KINDS)
 
@@ -91,11 +91,11 @@ class MapBuilder:
         if self.frames == 0:
             return Exposure()
         held = self._sums.window(drawn.box)
-        for side in JOINED:
-            found = fit_exposure(*joined(drawn, held, side))
+        for side in BLOCK_SIDES:
+            found = fit_exposure(*downsampled_both(drawn, held, side))
             if found is not None:
                 return found
-        self.unjoined += 1
+        self.without_overlap += 1
         return self.exposures[-1]
 
     def map(self) -> RasterMap:
@@ -129,7 +129,7 @@ class MapBuilder:
         )
 
 
-def joined(
+def downsampled_both(
     drawn: Drawn, held: Floats, side: int
 ) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
     """

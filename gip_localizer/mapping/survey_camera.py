@@ -106,10 +106,10 @@ class SurveyCamera:
 
 def sharp(camera: CameraModel, rectifier: Rectifier, longest: float) -> Bools:
     """Tell which view cells (rows, cols) lie under pixels no longer than `longest` metres."""
-    points = np.column_stack([rectifier.grid.points(), np.zeros(rectifier.valid.size)])
+    points = rectifier.grid.points()
     per_metre = [
         (camera.project(points + shift)[0] - camera.project(points - shift)[0]) / (2.0 * STEP)
-        for shift in np.eye(3)[:2] * STEP
+        for shift in np.eye(2) * STEP
     ]
     pixels = np.nan_to_num(np.stack(per_metre, axis=-1))  # (n, 2, 2): px per metre along x, y
     least = np.linalg.svd(pixels, compute_uv=False)[:, -1]
@@ -118,7 +118,7 @@ def sharp(camera: CameraModel, rectifier: Rectifier, longest: float) -> Bools:
 
 def _radius_sq(camera: CameraModel, rectifier: Rectifier) -> Floats:
     points = rectifier.grid.points()
-    uv, _ = camera.project(np.column_stack([points, np.zeros(len(points))]))
+    uv, _ = camera.project(points)
     half = 0.25 * (camera.width**2 + camera.height**2)
     radius_sq = np.sum((np.nan_to_num(uv) - camera.K[:2, 2]) ** 2, axis=1) / half
     return np.where(rectifier.valid, radius_sq.reshape(rectifier.valid.shape), 0.0)

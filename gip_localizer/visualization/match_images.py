@@ -7,9 +7,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.birdseye.rectifier import View
 from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.match.lattice import map_window
 from gip_localizer.core.pose import Pose2
 
 Picture = NDArray[np.uint8]
@@ -26,32 +26,16 @@ REACH = (1.0, 99.0)
 
 def birdseye_picture(view: View) -> Picture:
     """Return the view as (rows, cols) grey, stretched to its contrast; black where unseen."""
-    return np.where(view.valid, _stretched(view.patch, view.valid), 0).astype(np.uint8)
+    return np.where(view.valid, stretched(view.patch, view.valid), 0).astype(np.uint8)
 
 
-def map_window(raster_map: RasterMap, grid: Grid, pose: Pose2) -> tuple[Floats32, Bools]:
-    """
-    Return the map where the cells of a view lie.
-
-    Parameters
-    ----------
-    raster_map : RasterMap
-        The map.
-    grid : Grid
-        Of the view.
-    pose : Pose2
-        T_map_base.
-
-    Returns
-    -------
-    values : (rows, cols) float32
-        In [0, 1]; 0 where not valid.
-    valid : (rows, cols) bool
-        The map holds data there.
-
-    """
-    values, valid = raster_map.sample(pose.transform(grid.points()))
-    return values.reshape(grid.shape), valid.reshape(grid.shape)
+def stretched(values: Floats32, valid: Bools) -> Picture:
+    """Return grey between the percentiles of what is valid as 0 to 255; black without any."""
+    if not valid.any():
+        return np.zeros(values.shape, np.uint8)
+    low, high = np.percentile(values[valid], REACH)
+    scaled = (values - low) / max(high - low, 1e-6)
+    return np.round(255.0 * np.clip(scaled, 0.0, 1.0)).astype(np.uint8)
 
 
 def comparison_picture(raster_map: RasterMap, view: View, pose: Pose2) -> Picture:
@@ -65,9 +49,10 @@ def comparison_picture(raster_map: RasterMap, view: View, pose: Pose2) -> Pictur
         where they agree it is grey.
 
     """
-    window, known = map_window(raster_map, view.grid, pose)
-    seen = _stretched(view.patch, view.valid)
-    mapped = _stretched(window, known)
+    window, share = map_window(raster_map, view.grid, pose)
+    known = share > 0.0
+    seen = stretched(view.patch, view.valid)
+    mapped = stretched(window, known)
     both = np.dstack([mapped, mapped, seen])
     gap = np.full((view.grid.rows, GAP, 3), 255, np.uint8)
     parts = [
@@ -76,14 +61,6 @@ def comparison_picture(raster_map: RasterMap, view: View, pose: Pose2) -> Pictur
         _painted(both, known & view.valid),
     ]  # fmt: skip
     return np.hstack(parts)
-
-
-def _stretched(values: Floats32, valid: Bools) -> Picture:
-    if not valid.any():
-        return np.zeros(values.shape, np.uint8)
-    low, high = np.percentile(values[valid], REACH)
-    scaled = (values - low) / max(high - low, 1e-6)
-    return np.round(255.0 * np.clip(scaled, 0.0, 1.0)).astype(np.uint8)
 
 
 def _painted(picture: Picture, valid: Bools) -> Picture:

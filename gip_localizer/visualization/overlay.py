@@ -16,9 +16,9 @@ from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.estimate import Estimate, Match
 from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.match.lattice import map_window
 from gip_localizer.core.match.score_surface import Scores
 from gip_localizer.core.pose import Pose2
-from gip_localizer.visualization.match_images import map_window
 
 Picture = NDArray[np.uint8]
 Points = NDArray[np.float64]
@@ -92,7 +92,8 @@ def map_outlines(raster_map: RasterMap, grid: Grid, pose: Pose2) -> list[Points]
     """
     grid = Grid(grid.far, grid.left, grid.rows * SAMPLES, grid.cols * SAMPLES,
                 grid.resolution / SAMPLES)
-    window, known = map_window(raster_map, grid, pose)
+    window, share = map_window(raster_map, grid, pose)
+    known = share > 0.0
     if not known.any():
         return []
     bright = _bright(window, known)

@@ -122,7 +122,7 @@ def _extent(match: Match) -> tuple[float, float, float, float]:
 def _draw_camera(axes: Axes, image: Grey, camera: CameraModel, match: Match) -> None:
     axes.imshow(image, cmap='gray')
     outline = _outline(match)
-    pixels, valid = camera.project(np.column_stack([outline, np.zeros(len(outline))]))
+    pixels, valid = camera.project(outline)
     pixels[~valid] = np.nan
     axes.plot(pixels[:, 0], pixels[:, 1], color=ESTIMATE, lw=2.0)
     height, width = image.shape

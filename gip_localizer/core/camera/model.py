@@ -4,8 +4,8 @@
 Camera geometry: a calibrated camera above a flat road, pixel ↔ road plane.
 
 The numbers of a `sensor_msgs/CameraInfo` (REP 104) and six extrinsics give the map both ways:
-the lens model is OpenCV's, and the undistorted part is a homography. Pixel centres lie at
-integer coordinates, as in OpenCV.
+between road and undistorted image one homography, and behind it the lens model, both OpenCV's.
+Pixel centres lie at integer coordinates, as in OpenCV.
 
 """
 
@@ -23,6 +23,7 @@ from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Camera
 
 OPTICAL_FROM_BODY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+LEAST_DEPTH = 1e-6  # m along the optical axis: what lies nearer or behind is not in front
 HORIZON_MARGIN = 1e-3  # least depression of a ray, rad: beyond about 1000 camera heights is sky
 SIZE_SLACK = 1  # px by which an image may differ from its calibration (rounding of binning)
 FOLD_RAYS = np.linspace(0.0, 10.0, 4001)  # radii at which a lens model is checked for folding
@@ -136,12 +137,20 @@ class CameraModel:
         other.width, other.height = width, height
         return other
 
-    @property
+    @cached_property
     def H_image_road(self) -> Floats:
-        """Homography from road (x, y, 1) in base to undistorted normalised image coordinates."""
+        """Homography from road (x, y, 1) in base to undistorted normalised image, times depth."""
         rotation, position = self.R_base_camera, self.extrinsics.position()
         columns = [rotation[0], rotation[1], -rotation.T @ position]
         return np.stack(columns, axis=1)
+
+    @cached_property
+    def H_road_image(self) -> Floats:
+        """Homography back: `H_image_road` inverted, times the camera's height."""
+        rotation, (x, y, z) = self.R_base_camera, self.extrinsics.position()
+        return np.stack([
+            x * rotation[2] - z * rotation[0], y * rotation[2] - z * rotation[1], rotation[2]
+        ])
 
     def project(self, points_base: Floats) -> tuple[Floats, Bools]:
         """
@@ -162,12 +171,16 @@ class CameraModel:
         """
         points = np.asarray(points_base, float)
         if points.shape[1] == 2:
-            points = np.column_stack([points, np.zeros(len(points))])
+            H = self.H_image_road
+            return self._pixels(_transformed(points, H), points @ H[2, :2] + H[2, 2])
         optical = (points - self.extrinsics.position()) @ self.R_base_camera
-        in_front = optical[:, 2] > 1e-6
-        depth = np.where(in_front, optical[:, 2], 1.0)
-        rays = optical[:, :2] / depth[:, None]
-        valid = in_front & (np.hypot(rays[:, 0], rays[:, 1]) < self.max_radius)
+        depth = optical[:, 2]
+        rays = optical[:, :2] / np.where(depth > LEAST_DEPTH, depth, 1.0)[:, None]
+        return self._pixels(rays, depth)
+
+    def _pixels(self, rays: Floats, depth: Floats) -> tuple[Floats, Bools]:
+        """Pixels of undistorted rays (n, 2) to points at a depth (n,), as `project`."""
+        valid = (depth > LEAST_DEPTH) & (np.hypot(rays[:, 0], rays[:, 1]) < self.max_radius)
         uv = self._distort(np.where(valid[:, None], rays, 0.0))
         uv[~valid] = np.nan
         return uv, valid
@@ -208,11 +221,10 @@ class CameraModel:
     def intersect_road(self, rays: Floats, valid: Bools) -> tuple[Floats, Bools]:
         """Road points (n, 2) in base of undistorted normalised rays (n, 2)."""
         safe = np.where(valid[:, None], rays, 0.0)
-        directions = safe @ self.R_base_camera[:, :2].T + self.R_base_camera[:, 2]
-        norm = np.sqrt(np.sum(directions**2, axis=1))
-        valid = valid & (directions[:, 2] < -HORIZON_MARGIN * norm)
-        scale = -self.extrinsics.z / np.where(valid, directions[:, 2], -1.0)
-        xy = self.extrinsics.position()[:2] + scale[:, None] * directions[:, :2]
+        rise = safe @ self.R_base_camera[2, :2] + self.R_base_camera[2, 2]
+        norm = np.hypot(np.hypot(safe[:, 0], safe[:, 1]), 1.0)
+        valid = valid & (rise < -HORIZON_MARGIN * norm)
+        xy = _transformed(safe, self.H_road_image)
         xy[~valid] = np.nan
         return xy, valid
 
@@ -262,6 +274,13 @@ class CameraModel:
         else:
             rays = cv2.undistortPoints(points, self.K, self.D, criteria=criteria)
         return np.asarray(rays, float).reshape(-1, 2)
+
+
+def _transformed(points: Floats, homography: Floats) -> Floats:
+    """Points (n, 2) of a plane under a homography (3, 3), by OpenCV."""
+    if len(points) == 0:
+        return np.zeros((0, 2))
+    return np.asarray(cv2.perspectiveTransform(points[:, None], homography)[:, 0])
 
 
 def _first_fold(slope: Floats) -> int:

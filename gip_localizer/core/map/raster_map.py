@@ -26,7 +26,7 @@ from gip_localizer.core.map.resampling import (
     averaged_noise,
     blurred,
     doubled,
-    joined,
+    downsampled_known,
     repeated,
     scaled,
     slopes,
@@ -190,7 +190,7 @@ class RasterMap:
         pad = margin / self.resolution + 3.0 * max(cell / self.resolution, 1.0)
         low = np.floor(rc.min(axis=0) - pad).astype(int)
         high = np.ceil(rc.max(axis=0) + pad).astype(int) + 1
-        step = self._joining(cell)
+        step = self._averaged_per_side(cell)
         if snap:
             grain = max(round(snap / self.resolution / step), 1) * step
             length = (-((low - high) // grain) + 1) * grain
@@ -203,12 +203,12 @@ class RasterMap:
             return None
         return int(low[0]), int(high[0]), int(low[1]), int(high[1])
 
-    def _joining(self, cell: float) -> int:
+    def _averaged_per_side(self, cell: float) -> int:
         return max(int(cell / self.resolution / 2.0 + 1e-9), 1)
 
     def cut(self, box: Box, cell: float) -> RasterMap:
         """Return the part in a box (`box`), as `crop` does."""
-        low, high, step = (box[0], box[2]), (box[1], box[3]), self._joining(cell)
+        low, high, step = (box[0], box[2]), (box[1], box[3]), self._averaged_per_side(cell)
         part = (slice(low[0], high[0]), slice(low[1], high[1]))
         values = scaled(self.grey[part])
         valid = None if self.valid is None else np.asarray(self.valid[part])
@@ -220,7 +220,7 @@ class RasterMap:
         if self.noise is not None:
             noise = averaged_noise(self.noise[part], step, cell / resolution)
         if step > 1:
-            values, valid = joined(values, valid, step)
+            values, valid = downsampled_known(values, valid, step)
         values, valid = smoothed(values, valid, cell / resolution)
         origin = Pose2(float(corner[0]), float(corner[1]), self.origin.yaw)
         return RasterMap(values, resolution, origin, valid, noise)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Cells of a map as arrays: their grey as numbers, joined, smoothed, halved."""
+"""Cells of a map as arrays: their grey as numbers, averaged, smoothed, halved."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from gip_localizer.core.arrays import Bools, Floats, Grey, WHITE
+from gip_localizer.core.cell_means import downsampled
 
 SLOPE_RIGHT = np.array([[-0.5, 0.5], [-0.5, 0.5]], np.float32)
+WHOLE = 0.999  # share of known cells from which a larger one is known, but for rounding
 SAMPLED = 100_000  # cells that tell how much contrast a map has
 REACH = 5  # cells to either side that a spline between cells is told from
 
@@ -39,15 +41,15 @@ def slopes(values: Floats) -> tuple[Floats, Floats]:
     return np.asarray(down), np.asarray(right)
 
 
-def joined(values: Floats, valid: Bools | None, step: int) -> tuple[Floats, Bools | None]:
+def downsampled_known(
+    values: Floats, valid: Bools | None, step: int
+) -> tuple[Floats, Bools | None]:
     """Average step x step cells into one; it is valid where all of them are."""
-    rows, cols = values.shape[0] // step, values.shape[1] // step
-    size = (cols, rows)
-    means = cv2.resize(values, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    shape = values.shape[0] // step, values.shape[1] // step
+    means = downsampled(values, step, shape)
     if valid is None:
         return means, None
-    share = cv2.resize(valid.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    return means, share > 0.999
+    return means, downsampled(valid.astype(np.float32), step, shape) > WHOLE
 
 
 def contrast(grey: Grey, valid: Bools | None) -> float:
@@ -63,8 +65,8 @@ def averaged_noise(noise: Grey, step: int, ratio: float) -> Floats:
     """Noise (float32) of means over `step` and then `ratio` cells a side that err on their own."""
     sigma = scaled(noise)
     if step > 1:
-        size = (noise.shape[1] // step, noise.shape[0] // step)
-        squares = cv2.resize(sigma**2, size, interpolation=cv2.INTER_AREA)
+        shape = noise.shape[0] // step, noise.shape[1] // step
+        squares = downsampled(sigma**2, step, shape)
         sigma = np.asarray(np.sqrt(squares) / np.float32(step))
     return np.asarray(sigma / np.float32(max(ratio, 1.0)))
 

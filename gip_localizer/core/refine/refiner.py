@@ -9,7 +9,7 @@ noise the covariance of v is proportional to `S G⁻¹`, so the maximum-likeliho
 `Jᵀ G (v - a S û - b)` and the Fisher information `Jᵀ G S J`: the paper's weights, exact also for
 far cells that share pixels.
 
-The first steps look at joined cells and a smoothed map, which widens the basin; the last at all
+The first steps look at averaged cells and a smoothed map, which widens the basin; the last at all
 cells, with the blur.
 
 """
@@ -23,7 +23,7 @@ import numpy as np
 from gip_localizer.core.arrays import Floats, Ints
 from gip_localizer.core.birdseye.rectifier import Rectifier, View
 from gip_localizer.core.map.crop import Crop
-from gip_localizer.core.match.downsampling import coarsened
+from gip_localizer.core.match.downsampling import downsampled_view
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.refine.fit import Fit
 from gip_localizer.core.refine.gauss_newton import GaussNewton, settled
@@ -101,11 +101,11 @@ class Refiner:
         """
         layers = []
         for stage in self._stages[stages]:
-            joined, weights = coarsened(view, weight, stage.factor)
+            larger, weights = downsampled_view(view, weight, stage.factor)
             weighed = weights.ravel()[stage.index]
             calm = stage.factor == 1 and map_noise > 0.0
             layers.append(Layer(
-                stage, joined.patch.ravel()[stage.index], weighed,
+                stage, larger.patch.ravel()[stage.index], weighed,
                 crop.for_cells(stage.resolution), crop.locking(stage.resolution),
                 crop.calm_slopes(stage.resolution) if calm else None,
                 np.maximum(np.float32(1.0) - weighed * np.float32(map_noise**2), 0.0),

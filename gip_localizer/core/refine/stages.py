@@ -13,18 +13,18 @@ from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.birdseye.rectifier import Rectifier, View
 from gip_localizer.core.birdseye.suspension import SuspensionMotion
 from gip_localizer.core.camera.model import CameraModel
-from gip_localizer.core.match.downsampling import coarsened
+from gip_localizer.core.match.downsampling import downsampled_view
 from gip_localizer.core.refine.blocks import Blocks, whole_blocks
 from gip_localizer.core.refine.edge_noise import PixelSteps
 
-STAGES = ((4, 6), (2, 6), (1, 12))  # cells joined per side, and the most steps
+STAGES = ((4, 6), (2, 6), (1, 12))  # cells averaged per side, and the most steps
 PLAIN_STEPS = 2  # of the first stage, before outliers are told from misalignment
 LEAST_SCALE_SQ = 0.5  # residuals this small against the noise model are never outliers
 BLOCK_SIDES = (1.0, 0.5)  # m ahead, m left: residuals count as correlated within such blocks
 LEAST_BLOCKS = 10  # along each axis, ...
 ENOUGH_BLOCKS = 7  # ... unless there are so many of the larger ones
 PATTERN_SIDE = 1.0  # m: larger blocks, which agree with the map or do not
-LEAST_CELLS = 200  # joined cells that a stage must have
+LEAST_CELLS = 200  # averaged cells that a stage must have
 OPTICAL_TERMS = 5
 
 
@@ -38,7 +38,7 @@ def make_stages(rectifier: Rectifier) -> list[Stage]:
 
 
 class Stage:
-    """The cells of one stage: joined by a factor, or all of them with the pixel blur."""
+    """The cells of one stage: averaged by a factor, or all of them with the pixel blur."""
 
     def __init__(self, rectifier: Rectifier, factor: int, steps: int) -> None:
         self.factor = factor
@@ -47,7 +47,7 @@ class Stage:
         self.least_scale_sq = LEAST_SCALE_SQ * factor**2
         weight = rectifier.valid.astype(np.float32)
         blank = View(weight, rectifier.footprint, rectifier.valid, rectifier.grid)
-        view, _ = coarsened(blank, weight, factor)
+        view, _ = downsampled_view(blank, weight, factor)
         self.resolution = view.grid.resolution
         self._shape = view.grid.shape
         index = np.flatnonzero(view.valid)

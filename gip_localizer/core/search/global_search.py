@@ -14,7 +14,7 @@ from gip_localizer.core.belief import Belief
 from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.birdseye.rectifier import View
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.match.downsampling import coarsened
+from gip_localizer.core.match.downsampling import downsampled_view
 from gip_localizer.core.match.peaks import best_peaks
 from gip_localizer.core.match.posterior import independent_cells, with_unseen
 from gip_localizer.core.match.score_surface import Lattice, match, Scores
@@ -122,14 +122,15 @@ def coarse_places(
     recovery = parameters.recovery
     width, height = raster_map.size_m
     cell = max(recovery.cell, math.sqrt(width * height / MAX_CELLS))
-    joined, joined_weight = coarsened(view, weight, coarse_factor(view.grid.resolution, cell))
-    step = joined.grid.resolution
+    factor = coarse_factor(view.grid.resolution, cell)
+    larger, larger_weight = downsampled_view(view, weight, factor)
+    step = larger.grid.resolution
     corners = np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
     crop = raster_map.crop(raster_map.origin.transform(corners), margin=0.0, cell=step)
     if crop is None:
         return []
     centre = raster_map.origin @ Pose2(0.5 * width, 0.5 * height, 0.0)
-    reach = _reach(joined.grid)
+    reach = _reach(larger.grid)
     half = (math.ceil((0.5 * width + reach) / step), math.ceil((0.5 * height + reach) / step))
     count = max(round(2.0 * math.pi / recovery.yaw_step), 1)
     headings = (np.arange(count) / count - 0.5) * 2.0 * math.pi
@@ -137,7 +138,7 @@ def coarse_places(
     for start in range(0, count, HEADINGS_AT_ONCE):
         lattice = Lattice(centre, step, half, headings[start : start + HEADINGS_AT_ONCE])
         scores = match(
-            joined, joined_weight, crop, lattice, min_overlap=parameters.score.min_overlap,
+            larger, larger_weight, crop, lattice, min_overlap=parameters.score.min_overlap,
             normalized=parameters.score.normalized, centred=True,
         )
         residual = with_unseen(scores)

@@ -3,7 +3,7 @@
 """
 Steps 3 and 4 about one place: score a window of candidates, refine the best modes, keep one.
 
-The lattice is scored on joined cells (`SearchWindow.cell`), whose sums lose nothing but
+The lattice is scored on larger cells (`SearchWindow.cell`), whose sums lose nothing but
 detail; the continuous refinement on the full view then gives the pose.
 
 """
@@ -21,7 +21,7 @@ from gip_localizer.core.belief import Belief
 from gip_localizer.core.birdseye.rectifier import View
 from gip_localizer.core.birdseye.suspension import pitched
 from gip_localizer.core.camera.model import CameraModel
-from gip_localizer.core.match.downsampling import coarsened
+from gip_localizer.core.match.downsampling import downsampled_view
 from gip_localizer.core.match.posterior import (
     independent_cells,
     modes,
@@ -102,7 +102,7 @@ def around_winner(
 
 
 def coarse_factor(resolution: float, cell: float) -> int:
-    """Return how many cells are joined per side for a lattice of about `cell` metres."""
+    """Return how many cells are averaged per side for a lattice of about `cell` metres."""
     return max(int(cell / resolution + 1e-6), 1)
 
 
@@ -284,13 +284,13 @@ def lattice_scores(
     view: View, weight: Floats, crops: MapCrops, anchor: Pose2, extent: SearchWindow, *,
     normalized: bool,
 ) -> Scores:
-    """Score the window on cells joined up to `extent.cell`."""
+    """Score the window on cells averaged up to `extent.cell`."""
     factor = coarse_factor(view.grid.resolution, extent.cell)
-    joined, joined_weight = coarsened(view, weight, factor)
-    step = joined.grid.resolution
+    larger, larger_weight = downsampled_view(view, weight, factor)
+    step = larger.grid.resolution
     crop = crops.about(view.grid, anchor, extent, step)
     lattice = make_lattice(anchor, x=extent.x, y=extent.y, yaw=extent.yaw,
                            yaw_step=extent.yaw_step, step=step)
     part = crop.part if crop else crops.raster_map
-    return match(joined, joined_weight, part, lattice, normalized=normalized,
+    return match(larger, larger_weight, part, lattice, normalized=normalized,
                  min_overlap=extent.min_overlap, centred=normalized)

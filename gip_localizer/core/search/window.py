@@ -33,7 +33,7 @@ class SearchWindow:
     modes : int
         Most peaks of the score surface that are refined while none is plainly the winner.
     cell : float
-        Cells are joined up to this side, m, for the score surface.
+        Cells are averaged up to this side, m, for the score surface.
     near : bool
         The surface's peak is near enough to be refined from the second stage on.
 

@@ -3,14 +3,14 @@
 """
 The best candidate of a lattice: by scoring all of them, or coarse to fine.
 
-Coarse to fine scores the whole window on joined cells, keeps the best modes, and follows them
+Coarse to fine scores the whole window on larger cells, keeps the best modes, and follows them
 down to the lattice's own cells, where the exact residual decides. What comes back is a local
 minimum of the exact score. That it is the least of all is measured (`gip bench`), not proven: a
-bound from joined cells lets go of the energy inside them, which is most of the noise. Where the
-best of the joined cells does not stand out from the noise, all candidates are scored.
+bound from larger cells lets go of the energy inside them, which is most of the noise. Where the
+best of the larger cells does not stand out from the noise, all candidates are scored.
 
 For callers that need the winner alone: the localizer reads its posterior off the whole surface,
-and scores that on joined cells (`search`).
+and scores that on larger cells (`search`).
 
 """
 
@@ -35,15 +35,15 @@ from gip_localizer.core.pose import Pose2
 KEPT = (32, 16)  # modes kept of the whole window, and of each level below
 WITHIN = (0.35, 0.15, 0.2)  # over the best, as shares of its depth in the window; last: climbs
 FEW = 200  # translations that are scored all rather than on larger cells
-LEAST_CELLS = 450  # of the view on the largest joined cells
-MOST_JOININGS = 4
+LEAST_CELLS = 450  # of the view on the largest cells
+MOST_DOWNSAMPLINGS = 4
 CLIMBED = 4  # starts on the lattice's own cells
 SHALLOW = 0.004  # a neighbour within this share of the least residual: a valley
-LOOSER = 0.8  # joined cells at the edge of the known map may belong to either side
+LOOSER = 0.8  # larger cells at the edge of the known map may belong to either side
 MAX_CLIMB = 20  # rounds of the last climb
 SMALL_WINDOW = 1.5  # times the turned view: a window prepared once for all climbs
 REACH = 4  # translations about a start that are prepared for its climb
-DOUBT = 500.0  # log likelihood ratio, below which joined cells have been seen to hide the best
+DOUBT = 500.0  # log likelihood ratio, below which larger cells have been seen to hide the best
 MOST_IN_DOUBT = 5_000_000  # candidates that are all scored in doubt
 CROWD = 4  # candidates looked at per mode kept
 
@@ -131,11 +131,11 @@ def pyramid_winner(
 
 def _in_doubt(level: Level, depth: float, residual: float) -> bool:
     """
-    Tell whether noise may hide the best on joined cells, and scoring all is bearable.
+    Tell whether noise may hide the best on larger cells, and scoring all is bearable.
 
     With weights that are inverse variances up to a factor, the residual tells the factor, and
     cells / 2 * depth / residual is the logarithm of the likelihood ratio of the best place of
-    joined cells and a usual one.
+    larger cells and a usual one.
 
     """
     if math.prod(level.lattice.shape) > MOST_IN_DOUBT:
@@ -164,15 +164,15 @@ def _climbs(
 
 
 def _levels(level: Level) -> list[Level]:
-    """Return the level and those of cells joined, the largest cells first."""
+    """Return the level and those of larger cells, the largest cells first."""
     levels = [level]
-    while len(levels) <= MOST_JOININGS and (factor := _factor(levels[0])) > 1:
-        levels.insert(0, levels[0].joined(factor))
+    while len(levels) <= MOST_DOWNSAMPLINGS and (factor := _factor(levels[0])) > 1:
+        levels.insert(0, levels[0].downsampled(factor))
     return levels
 
 
 def _factor(level: Level) -> int:
-    """Return how many cells may be joined per side: three where that leaves few translations."""
+    """Return how many cells may be averaged per side: three where that leaves few translations."""
     cells = level.grid.rows * level.grid.cols
     translations = level.lattice.shape[1] * level.lattice.shape[2]
     if translations <= FEW or cells < 4 * LEAST_CELLS:

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A view and its map window at one cell size, and the same with cells joined.
+A view and its map window at one cell size, and the same on larger cells.
 
-Joining adds weights up and averages values, of view and map alike; the lattice's step grows with
-the cells, and its step in heading to what moves the view's corner by about as much. Values are
-smoothed before, over as much as a joined cell: else a place half a joined cell beside the lattice,
-where the texture of cells looks unlike, is not seen on it.
+Downsampling adds weights up and averages values, of view and map alike; the lattice's step grows
+with the cells, and its step in heading to what moves the view's corner by about as much. Values
+are smoothed before, over as much as a larger cell: else a place half a larger cell from the
+lattice, where the texture of cells looks unlike, is not seen on it.
 
 """
 
@@ -20,7 +20,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye.grid import Grid
-from gip_localizer.core.match.downsampling import joined
+from gip_localizer.core.cell_means import downsampled
 from gip_localizer.core.match.lattice import Lattice, make_canvas, widened
 from gip_localizer.core.pose import Pose2
 
@@ -64,45 +64,45 @@ class Level:
         """Whether the map is known on all of the window."""
         return bool(self.known.all())
 
-    def joined(self, factor: int) -> Level:
-        """Return the level with factor x factor cells joined."""
+    def downsampled(self, factor: int) -> Level:
+        """Return the level with factor x factor cells averaged."""
         own = self.lattice
         plan = _plan(self.grid, own.step, own.half, own.yaws.tobytes(), own.pivot, factor)
         lattice = Lattice(own.anchor, plan.step, plan.half, own.yaws[plan.yaws], own.pivot)
-        weight, values = self._joined_view(plan.grid, factor)
-        window, known = self._joined_window(plan.wide, factor)
+        weight, values = self._view_downsampled(plan.grid, factor)
+        window, known = self._window_downsampled(plan.wide, factor)
         return Level(
             plan.grid, values, weight, lattice, plan.canvas, window, known,
             plan.yaws.step * self.stride,
         )
 
-    def _joined_view(self, larger: Grid, factor: int) -> tuple[Floats, Floats]:
+    def _view_downsampled(self, larger: Grid, factor: int) -> tuple[Floats, Floats]:
         """Summed weights, and means by weight."""
         area = np.float32(factor * factor)
         shares = [
-            joined(plane, factor, larger.shape, smooth=True)
+            downsampled(plane, factor, larger.shape, smooth=True)
             for plane in (self.weight, self.weight * self.values)
         ]
         values = shares[1] / np.maximum(shares[0], np.float32(1e-20) / area)
-        return joined(self.weight, factor, larger.shape) * area, values
+        return downsampled(self.weight, factor, larger.shape) * area, values
 
-    def _joined_window(self, wide: Grid, factor: int) -> tuple[Floats, Floats]:
+    def _window_downsampled(self, wide: Grid, factor: int) -> tuple[Floats, Floats]:
         fine = widened(self.canvas, self.lattice)
         top = round((wide.far - fine.far) / fine.resolution)
         left = round((wide.left - fine.left) / fine.resolution)
         everywhere = self.everywhere
-        join = partial(joined, factor=factor, shape=wide.shape, corner=(top, left))
-        values = join(self.window, smooth=True, replicate=everywhere)
+        average = partial(downsampled, factor=factor, shape=wide.shape, corner=(top, left))
+        values = average(self.window, smooth=True, replicate=everywhere)
         if everywhere:
             return values, np.ones(wide.shape, np.float32)
-        known = (join(self.known) > 0.5).astype(np.float32)
-        share = join(self.known, smooth=True)
+        known = (average(self.known) > 0.5).astype(np.float32)
+        share = average(self.known, smooth=True)
         return values / np.maximum(share, np.float32(1e-6)) * known, known
 
 
 @dataclass(frozen=True)
 class _Plan:
-    """Grids of joined cells, which are the same for every frame of a search."""
+    """Grids of larger cells, which are the same for every frame of a search."""
 
     grid: Grid
     canvas: Grid
@@ -116,7 +116,7 @@ class _Plan:
 def _plan(
     grid: Grid, step: float, half: tuple[int, int], yaws: bytes, pivot: float, factor: int
 ) -> _Plan:
-    """Plan the joining of a view's and a lattice's cells; yaws are float64."""
+    """Plan the averaging of a view's and a lattice's cells; yaws are float64."""
     headings = np.frombuffer(yaws)
     larger = Grid(
         grid.far, grid.left, math.ceil(grid.rows / factor), math.ceil(grid.cols / factor),
