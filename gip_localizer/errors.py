@@ -7,6 +7,20 @@ A frame that cannot be localized is not an error: it is an `Estimate` with a `St
 
 """
 
+LINE = 160
+"""Characters of a file or value that a message quotes at most."""
+
+
+def quoted(value: object) -> str:
+    """Return a value as Python writes it, on one line of at most `LINE` characters."""
+    return shortened(repr(value))
+
+
+def shortened(text: str) -> str:
+    """Return a text on one line of at most `LINE` characters."""
+    line = ' '.join(text[: 4 * LINE].split())
+    return line if len(line) <= LINE else line[: LINE - 1] + '…'
+
 
 class GipError(Exception):
     """Base of every error that this package raises on purpose."""

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from gip_localizer.errors import ImageError
-from gip_localizer.io.images import compressed_grey_image, grey_image, LAYOUTS
+from gip_localizer.io.images import _chroma_rows, compressed_grey_image, grey_image, LAYOUTS
 
 RNG = np.random.default_rng(4)
 HEIGHT, WIDTH = 12, 18
@@ -95,8 +95,10 @@ def test_yuv_gives_its_luminance(encoding, code, pad):
 @pytest.mark.parametrize('size', [(1, 1), (1, 3), (2, 2), (3, 3), (480, 4)])
 def test_every_encoding_works_at_small_sizes_and_without_the_last_padding(encoding, size):
     channels, depth = LAYOUTS[encoding]
-    rows = RNG.integers(0, 256, (size[0], size[1] * channels * depth), np.uint8)
+    colour_rows = _chroma_rows(encoding, size[0])
+    rows = RNG.integers(0, 256, (size[0] + colour_rows, size[1] * channels * depth), np.uint8)
     message = image_message(rows, encoding, width=size[1], pad=5)
+    message.height = size[0]
     whole = grey_image(message)
     assert whole.shape == size
     message.data = message.data[:-5]
@@ -158,6 +160,37 @@ def test_whatever_the_numbers_an_image_is_read_or_refused(encoding, height, widt
     assert grey.shape == (height, width)
 
 
+def test_of_luminance_and_colour_planes_the_luminance_is_taken():
+    rows = RNG.integers(0, 256, (HEIGHT, WIDTH), np.uint8)
+    for encoding, colour in (('nv12', HEIGHT // 2), ('nv21', HEIGHT // 2), ('nv24', 2 * HEIGHT)):
+        whole = np.vstack([rows, RNG.integers(0, 256, (colour, WIDTH), np.uint8)])
+        message = image_message(whole, encoding, pad=6)
+        message.height = HEIGHT
+        np.testing.assert_array_equal(grey_image(message), rows)
+        message.data = message.data[: -2 * message.step]
+        with pytest.raises(ImageError, match='take'):
+            grey_image(message)
+
+
+@pytest.mark.parametrize('big_endian', [False, True])
+@pytest.mark.parametrize('pattern', ['rggb', 'bggr', 'gbrg', 'grbg'])
+def test_bayer_mosaics_of_sixteen_bits_keep_their_depth(pattern, big_endian):
+    pixels = mosaic(pattern, 200, 100, 40).astype(np.uint16) * 256 + 77
+    grey = grey_image(image_message(pixels, f'bayer_{pattern}16', big_endian=big_endian))
+    assert grey.dtype == np.uint16
+    expected = (0.299 * 200 + 0.587 * 100 + 0.114 * 40) * 256 + 77
+    np.testing.assert_allclose(grey[2:-2, 2:-2], expected, atol=2.0)
+
+
+@pytest.mark.parametrize(('encoding', 'code'), [
+    ('rgb16', cv2.COLOR_RGB2GRAY), ('bgr16', cv2.COLOR_BGR2GRAY), ('16UC3', cv2.COLOR_BGR2GRAY),
+])
+def test_colours_of_sixteen_bits_keep_their_depth(encoding, code):
+    pixels = RNG.integers(0, 65536, (HEIGHT, WIDTH, 3), np.uint16)
+    grey = grey_image(image_message(pixels, encoding, pad=2))
+    np.testing.assert_array_equal(grey, cv2.cvtColor(pixels, code))
+
+
 COARSE = RNG.integers(0, 256, (6, 8), np.uint8)
 SMOOTH = cv2.resize(COARSE, (64, 48), interpolation=cv2.INTER_CUBIC)
 JPEG = cv2.imencode('.jpg', SMOOTH)[1].tobytes()
@@ -213,7 +246,7 @@ def jpeg_of(width: int, height: int) -> bytes:
     (bytes(500), 'cannot be decoded'),
     (b'GIF89a' + bytes(100), 'cannot be decoded'),
     (cv2.imencode('.bmp', SMOOTH)[1].tobytes(), 'expected a whole jpeg or png'),
-    (JPEG[:100], 'cannot be decoded'),
+    (JPEG[:100], 'cannot be decoded|truncated'),
     (JPEG[: len(JPEG) // 2], 'cannot be decoded|truncated'),
     (JPEG[:-2], 'cannot be decoded|truncated'),
     (PNG[: len(PNG) // 2], 'cannot be decoded'),

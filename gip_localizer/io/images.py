@@ -13,34 +13,42 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gip_localizer.core.arrays import Grey
-from gip_localizer.errors import ImageError
-from gip_localizer.io.jpeg_warnings import damage, decoder_warnings
+from gip_localizer.errors import ImageError, quoted
+from gip_localizer.io import jpeg
 
 MAX_PIXELS = 1 << 27  # a larger image is a fault or an attack, not a camera
 COLOUR = {
-    'rgb8': cv2.COLOR_RGB2GRAY,
-    'bgr8': cv2.COLOR_BGR2GRAY,
-    'rgba8': cv2.COLOR_RGBA2GRAY,
-    'bgra8': cv2.COLOR_BGRA2GRAY,
+    f'{order}{bits}': code
+    for bits in (8, 16)
+    for order, code in (
+        ('rgb', cv2.COLOR_RGB2GRAY), ('bgr', cv2.COLOR_BGR2GRAY),
+        ('rgba', cv2.COLOR_RGBA2GRAY), ('bgra', cv2.COLOR_BGRA2GRAY),
+    )
 }
 # OpenCV names a Bayer pattern by its second row's second and third pixel
 BAYER = {
-    'bayer_rggb8': cv2.COLOR_BayerBG2GRAY,
-    'bayer_bggr8': cv2.COLOR_BayerRG2GRAY,
-    'bayer_gbrg8': cv2.COLOR_BayerGR2GRAY,
-    'bayer_grbg8': cv2.COLOR_BayerGB2GRAY,
+    f'bayer_{pattern}{bits}': code
+    for bits in (8, 16)
+    for pattern, code in (
+        ('rggb', cv2.COLOR_BayerBG2GRAY), ('bggr', cv2.COLOR_BayerRG2GRAY),
+        ('gbrg', cv2.COLOR_BayerGR2GRAY), ('grbg', cv2.COLOR_BayerGB2GRAY),
+    )
 }
+CHROMA_ROWS = {'nv12': 1, 'nv21': 1, 'nv24': 4}
+"""Encodings whose luminance comes first, as rows of bytes → half rows of colour behind each."""
 # encoding → channels, bytes per channel
 LAYOUTS = {
     'mono8': (1, 1), '8UC1': (1, 1), 'mono16': (1, 2), '16UC1': (1, 2),
-    '8UC3': (3, 1), '8UC4': (4, 1),
-    **{name: (4 if 'a' in name else 3, 1) for name in COLOUR},
-    **{name: (1, 1) for name in BAYER},
+    '8UC3': (3, 1), '8UC4': (4, 1), '16UC3': (3, 2), '16UC4': (4, 2),
+    **{name: (4 if 'a' in name else 3, 1 + name.endswith('16')) for name in COLOUR},
+    **{name: (1, 1 + name.endswith('16')) for name in BAYER},
     'yuv422': (2, 1), 'uyvy': (2, 1), 'yuv422_yuy2': (2, 1), 'yuyv': (2, 1),
+    **{name: (1, 1) for name in CHROMA_ROWS},
 }
+UNNAMED = {'8UC3': 'bgr8', '8UC4': 'bgra8', '16UC3': 'bgr16', '16UC4': 'bgra16'}
+"""Encodings that do not name their channels → the order they are taken in, OpenCV's."""
 
 
 def grey_image(message: Any) -> Grey:
@@ -66,7 +74,7 @@ def grey_image(message: Any) -> Grey:
     encoding = str(message.encoding)
     if encoding not in LAYOUTS:
         raise ImageError(
-            f'image encoding {encoding!r} is not supported; expected one of '
+            f'image encoding {quoted(encoding)} is not supported; expected one of '
             + ', '.join(sorted(LAYOUTS))
         )
     channels, size = LAYOUTS[encoding]
@@ -74,7 +82,7 @@ def grey_image(message: Any) -> Grey:
     if size == 2:
         order = '>u2' if message.is_bigendian else '<u2'
         wide = np.ascontiguousarray(pixels).view(order).reshape(pixels.shape[0], -1)
-        return wide.astype(np.uint16, copy=False)
+        pixels = wide.astype(np.uint16, copy=False)
     if encoding in BAYER:
         return np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), BAYER[encoding]))
     if encoding in ('yuv422', 'uyvy'):
@@ -83,9 +91,8 @@ def grey_image(message: Any) -> Grey:
         return pixels[:, 0::2]
     if channels == 1:
         return pixels
-    colour = {3: 'bgr8', 4: 'bgra8'}[channels] if encoding not in COLOUR else encoding
     shaped = np.ascontiguousarray(pixels).reshape(pixels.shape[0], -1, channels)
-    return np.asarray(cv2.cvtColor(shaped, COLOUR[colour]))
+    return np.asarray(cv2.cvtColor(shaped, COLOUR[UNNAMED.get(encoding, encoding)]))
 
 
 def _rows(message: Any, bytes_per_pixel: int) -> Grey:
@@ -99,7 +106,7 @@ def _rows(message: Any, bytes_per_pixel: int) -> Grey:
             f'image step is {step} bytes; a row of {width} {message.encoding} pixels takes {row}'
         )
     data = np.frombuffer(message.data, np.uint8)
-    needed = step * (height - 1) + row
+    needed = step * (height - 1) + row + step * _chroma_rows(message.encoding, height)
     if data.size < needed:
         raise ImageError(
             f'image holds {data.size} bytes; {height} rows of step {step} take {needed}'
@@ -107,6 +114,11 @@ def _rows(message: Any, bytes_per_pixel: int) -> Grey:
     if data.size < step * height:
         data = np.concatenate([data, np.zeros(step * height - data.size, np.uint8)])
     return data[: step * height].reshape(height, step)[:, :row]
+
+
+def _chroma_rows(encoding: str, height: int) -> int:
+    """Return the rows of colour behind those of luminance, which show that the image is whole."""
+    return (CHROMA_ROWS.get(encoding, 0) * height + 1) // 2
 
 
 def compressed_grey_image(message: Any) -> Grey:
@@ -119,54 +131,42 @@ def compressed_grey_image(message: Any) -> Grey:
         Empty, corrupt, cut off, too large or of another format.
 
     """
-    data = np.frombuffer(message.data, np.uint8)
-    content = data.tobytes()
+    content = bytes(message.data)
     size = _declared_size(content)
     if size is not None and size[0] * size[1] > MAX_PIXELS:
         raise ImageError(f'compressed image declares {size[0]}x{size[1]} pixels; too large')
-    pixels, damaged = _decoded(data) if size is not None else (None, '')
+    pixels, damaged = None, ''
+    if size is not None and jpeg.is_jpeg(content):
+        end = jpeg.end_of(content)
+        if end is None:
+            raise ImageError(f'jpeg image of {len(content)} bytes is truncated')
+        pixels, damaged = jpeg.decode_jpeg(content[:end])
+    elif size is not None:
+        pixels = _decoded_png(content)
+    if damaged:
+        raise ImageError(f'compressed image of {len(content)} bytes is damaged: {damaged}')
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
         raise ImageError(
-            f'compressed image of {data.size} bytes and format {str(message.format)!r} cannot be '
-            'decoded; expected a whole jpeg or png'
+            f'compressed image of {len(content)} bytes and format {quoted(str(message.format))} '
+            'cannot be decoded; expected a whole jpeg or png'
         )
-    if is_truncated_jpeg(content):
-        raise ImageError(f'jpeg image of {data.size} bytes is truncated')
-    if damaged:
-        raise ImageError(f'compressed image of {data.size} bytes is damaged: {damaged}')
     return pixels
 
 
-def _decoded(data: NDArray[np.uint8]) -> tuple[Grey | None, str]:
-    """Return the pixels, None where there are none, and what the decoder says of damage."""
+def _decoded_png(content: bytes) -> Grey | None:
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-    with decoder_warnings() as warnings:
-        try:
-            pixels = cv2.imdecode(data, flags)
-        except cv2.error:
-            pixels = None
-    return (None if pixels is None else np.asarray(pixels)), damage(warnings)
+    try:
+        pixels = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
+    except cv2.error:
+        return None
+    return None if pixels is None else np.asarray(pixels)
 
 
-JPEG_START, JPEG_END, PNG_START = b'\xff\xd8', b'\xff\xd9', b'\x89PNG\r\n\x1a\n'
-JPEG_FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # segments that declare the size
-
-
-def is_truncated_jpeg(content: bytes) -> bool:
-    """Tell whether it is a JPEG without its end, which OpenCV fills with grey in silence."""
-    return content[:2] == JPEG_START and JPEG_END not in content[-64:]
+PNG_START = b'\x89PNG\r\n\x1a\n'
 
 
 def _declared_size(content: bytes) -> tuple[int, int] | None:
     """Width and height in the header of a PNG or JPEG; None where there is none."""
     if content[:8] == PNG_START and len(content) >= 24:
         return int.from_bytes(content[16:20], 'big'), int.from_bytes(content[20:24], 'big')
-    place = 2
-    while content[:2] == JPEG_START and content[place : place + 1] == b'\xff':
-        kind = content[place + 1 : place + 2]
-        if kind and kind[0] in JPEG_FRAMES:
-            rows, cols = content[place + 5 : place + 7], content[place + 7 : place + 9]
-            return int.from_bytes(cols, 'big'), int.from_bytes(rows, 'big')
-        length = int.from_bytes(content[place + 2 : place + 4], 'big')
-        place += 1 if kind == b'\xff' else 2 + max(length, 2)
-    return None
+    return jpeg.declared_size(content) if jpeg.is_jpeg(content) else None

@@ -18,15 +18,17 @@ from gip_localizer.core.arrays import Bools, Grey, WHITE
 from gip_localizer.core.birdseye.rectifier import LOOKED_AT
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.errors import MapError, OutputError
-from gip_localizer.io.images import is_truncated_jpeg
-from gip_localizer.io.jpeg_warnings import damage, decoder_warnings
+from gip_localizer.errors import MapError, OutputError, quoted, shortened
+from gip_localizer.io.bit_depth import at_full_scale, bits_used
 from gip_localizer.io.map_cache import Cells, stored_cells
 from gip_localizer.io.output_folder import write_whole
+from gip_localizer.io.pictures import check_is_file, read_picture
+from gip_localizer.parameters.yaml_files import read_yaml, user_path, YamlFileError
 
 REQUIRED = ('image', 'resolution', 'origin')
 MODES = ('trinary', 'scale', 'raw')  # of nav2: how grey becomes occupancy, which is not asked here
 FINEST, COARSEST = 1e-4, 100.0  # metres per cell: beyond are other units
+READING = '2'  # names the way pictures become cells; a new way must not take the old one's cells
 
 
 def load_map(path: Path | str) -> RasterMap:
@@ -41,7 +43,8 @@ def load_map(path: Path | str) -> RasterMap:
     Returns
     -------
     RasterMap
-        At the image's full depth; inverted when `negate` is 1. Large maps are read-only, and
+        At the image's full depth; inverted when `negate` is 1. A 16 bit image that uses only its
+        lower 8, 10, 12 or 14 bits is scaled by what it uses. Large maps are read-only, and
         mapped from disk (`map_store`). Where the YAML names another image as `noise`, it holds
         the standard deviation of each cell, on the scale of its own depth.
 
@@ -52,7 +55,7 @@ def load_map(path: Path | str) -> RasterMap:
         nothing but transparency.
 
     """
-    path = Path(path)
+    path = user_path(path)
     settings = _settings(path)
     resolution = _number(path, 'resolution', settings['resolution'])
     if not FINEST <= resolution <= COARSEST:
@@ -62,13 +65,14 @@ def load_map(path: Path | str) -> RasterMap:
         )
     origin = settings['origin']
     if not isinstance(origin, list) or len(origin) != 3:
-        raise MapError(f'map {path}: origin is {origin!r}; expected [x, y, yaw]')
+        raise MapError(f'map {path}: origin is {quoted(origin)}; expected [x, y, yaw]')
     x, y, yaw = (_number(path, 'origin', value) for value in origin)
     negate = settings.get('negate', 0)
     if negate not in (0, 1, False, True):
-        raise MapError(f'map {path}: negate is {negate!r}; expected 0 or 1')
+        raise MapError(f'map {path}: negate is {quoted(negate)}; expected 0 or 1')
     if settings.get('mode', MODES[0]) not in MODES:
-        raise MapError(f'map {path}: mode is {settings["mode"]!r}; expected {", ".join(MODES)}')
+        raise MapError(f'map {path}: mode is {quoted(settings["mode"])}; expected '
+                       + ', '.join(MODES))
     grey, valid = _cells(path, settings, 'image', negate=bool(negate))
     if valid is not None and not valid.any():
         raise MapError(f'map {path}: its image is transparent all over; expected road to be seen')
@@ -86,16 +90,18 @@ def load_map(path: Path | str) -> RasterMap:
 def _cells(path: Path, settings: Mapping[str, Any], key: str, *, negate: bool) -> Cells:
     """Return the cells of the picture that a key names."""
     if not isinstance(settings[key], str):
-        raise MapError(f'map {path}: {key} is {settings[key]!r}; expected a file name')
-    image = path.parent / settings[key]
+        raise MapError(f'map {path}: {key} is {quoted(settings[key])}; expected a file name')
+    image = path.parent / user_path(settings[key])
     what = f'map {path}: its {key} {image}'
-    _check_is_file(what, image)
+    check_is_file(what, image)
 
     def decode() -> Cells:
-        grey, valid = _read_image(what, image)
+        grey, valid = read_picture(what, image)
+        if key == 'image' and grey.dtype == np.uint16:
+            grey = at_full_scale(grey, bits_used(grey))
         return (WHITE[grey.dtype] - grey).astype(grey.dtype) if negate else grey, valid
 
-    return stored_cells(image, 'negated' if negate else 'as-is', decode)
+    return stored_cells(image, f'{"negated" if negate else "as-is"}-{key}-{READING}', decode)
 
 
 def load_mask(path: Path | str) -> Grey:
@@ -119,7 +125,7 @@ def load_mask(path: Path | str) -> Grey:
 
     """
     what = f'mask_file {path}'
-    grey, _ = _read_image(what, Path(path))
+    grey, _ = read_picture(what, user_path(path))
     if grey.dtype != np.uint8:
         raise MapError(f'{what} has 16 bits a pixel; expected 8')
     if grey.max() < LOOKED_AT:
@@ -170,29 +176,22 @@ def save_map(raster_map: RasterMap, path: Path | str, *, force: bool = False) ->
 
 def _settings(path: Path) -> Mapping[str, Any]:
     try:
-        settings = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError) as error:
-        raise MapError(f'map {path}: cannot be read ({error}); expected a nav2 map YAML') from None
-    except (yaml.YAMLError, RecursionError) as error:
-        raise MapError(f'map {path}: not valid YAML ({" ".join(str(error).split())})') from None
+        settings = read_yaml(path)
+    except FileNotFoundError:
+        raise MapError(f'map {path}: cannot be read, there is no such file; expected a nav2 map '
+                       'YAML') from None
+    except YamlFileError as error:
+        raise MapError(f'map {path}: {error}; expected a nav2 map YAML') from None
     if not isinstance(settings, dict):
         found = 'nothing' if settings is None else f'a {type(settings).__name__}'
         raise MapError(f'map {path}: holds {found}; expected the keys {", ".join(REQUIRED)}')
     missing = [key for key in REQUIRED if key not in settings]
     if missing:
         raise MapError(
-            f'map {path}: no {", ".join(missing)}; found {", ".join(map(str, settings)) or "none"}'
+            f'map {path}: no {", ".join(missing)}; found '
+            + (shortened(', '.join(map(str, settings))) or 'none')
         )
     return settings
-
-
-def _check_is_file(what: str, image: Path) -> None:
-    try:
-        found, is_folder = image.is_file(), image.is_dir()
-    except OSError as error:
-        raise MapError(f'{what} cannot be read ({error.strerror})') from None
-    if not found:
-        raise MapError(f'{what} {"is a folder" if is_folder else "does not exist"}')
 
 
 def _number(path: Path, key: str, value: object) -> float:
@@ -202,44 +201,7 @@ def _number(path: Path, key: str, value: object) -> float:
             number = float(value)
             if math.isfinite(number):
                 return number
-    raise MapError(f'map {path}: {key} holds {str(value)[:40]!r}; expected a finite number')
-
-
-def _pixels(what: str, image: Path) -> Grey:
-    """Return what a picture holds, in all its channels."""
-    _check_is_file(what, image)
-    with decoder_warnings() as warnings:
-        try:
-            pixels = cv2.imread(str(image), cv2.IMREAD_UNCHANGED)
-        except (cv2.error, MemoryError) as error:
-            why = ' '.join((getattr(error, 'err', '') or str(error)).split())
-            raise MapError(
-                f'{what} cannot be read ({why}); expected a whole image that fits into memory, '
-                'of at most 2^30 pixels'
-            ) from None
-    if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
-        raise MapError(
-            f'{what} cannot be read; expected a whole 8 or 16 bit image, for example PNG or PGM'
-        )
-    if is_truncated_jpeg(image.read_bytes()):
-        raise MapError(f'{what} is cut off; copy it again')
-    if damaged := damage(warnings):
-        raise MapError(f'{what} is damaged ({damaged}); copy it again')
-    return np.asarray(pixels)
-
-
-def _read_image(what: str, image: Path) -> tuple[Grey, Bools | None]:
-    pixels = _pixels(what, image)
-    if pixels.ndim == 2:
-        return pixels, None
-    valid = None
-    if pixels.shape[2] in (2, 4):
-        valid = pixels[:, :, -1] > 0
-    if pixels.shape[2] >= 3:
-        grey = cv2.cvtColor(np.ascontiguousarray(pixels[:, :, :3]), cv2.COLOR_BGR2GRAY)
-    else:
-        grey = np.ascontiguousarray(pixels[:, :, 0])
-    return np.asarray(grey), None if valid is None or valid.all() else valid
+    raise MapError(f'map {path}: {key} holds {quoted(str(value))}; expected a finite number')
 
 
 def _png(grey: Grey, valid: Bools | None) -> bytes:

@@ -19,7 +19,8 @@ from typing import Any, ClassVar, TypeVar
 
 import yaml
 
-from gip_localizer.errors import ParameterError
+from gip_localizer.errors import ParameterError, quoted, shortened
+from gip_localizer.parameters.yaml_files import read_yaml, user_path, YamlFileError
 
 Value = bool | int | float | str
 OF_ANY_NODE = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
@@ -93,7 +94,7 @@ class Spec:
         wrong_type = type(value) is not self.type
         if wrong_type or not self._within(value):
             raise ParameterError(
-                f'parameter {self.name}: got {value!r}, expected {self.allowed()}'
+                f'parameter {self.name}: got {quoted(value)}, expected {self.allowed()}'
             )
         return value  # type: ignore[return-value]
 
@@ -165,7 +166,9 @@ class ParameterGroup:
         known = {spec.name: spec for spec in self.specs()}
         for name in values:
             if name not in known:
-                raise ParameterError(f'parameter {name} is unknown{_nearest(name, known)}')
+                raise ParameterError(
+                    f'parameter {shortened(name)} is unknown{_nearest(name, known)}'
+                )
         merged = self.to_dict()
         merged.update({name: known[name].checked(value) for name, value in values.items()})
         built = _build(type(self), merged, '')
@@ -236,14 +239,13 @@ def load_ros_yaml(path: Path | str) -> dict[str, Value]:
         Unreadable, not YAML, or without `ros__parameters`.
 
     """
+    expected = 'expected a ROS parameter YAML, as gip params --yaml writes it'
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
-        why = ' '.join(str(error).split())
-        raise ParameterError(
-            f'parameter file {path}: {why}; expected a ROS parameter YAML, as gip params --yaml '
-            'writes it'
-        ) from None
+        content = read_yaml(user_path(path))
+    except FileNotFoundError:
+        raise ParameterError(f'parameter file {path}: does not exist; {expected}') from None
+    except YamlFileError as error:
+        raise ParameterError(f'parameter file {path}: {error}; {expected}') from None
     sections = content.values() if isinstance(content, dict) else []
     found = [s['ros__parameters'] for s in sections
              if isinstance(s, dict) and isinstance(s.get('ros__parameters'), dict)]
