@@ -40,7 +40,7 @@ def test_a_loop_closes_smoothly():
     assert turns == pytest.approx(2 * np.pi, rel=1e-3)
 
 
-def test_beside_keeps_its_distance_to_the_left():
+def test_a_shifted_path_keeps_its_distance_to_the_left():
     outside = CIRCLE.shifted(-2.0)
     assert np.allclose(np.linalg.norm(outside.position(outside.stations), axis=1), 10.0, atol=1e-3)
 

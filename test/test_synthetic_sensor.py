@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The sensor's laws: exposure, shading, noise variance, quantization, seeds."""
+"""Laws of the sensor: exposure, shading, noise variance, quantization, seeds."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from gip_localizer.synthetic.sensor import SensorModel, shading
+from gip_localizer.synthetic.sensor import SensorModel, vignetting_factor
 
 FLAT = np.full((400, 500), 0.4, np.float32)
 
@@ -42,8 +42,8 @@ def test_clipping():
     assert np.all(SensorModel(offset=-0.9).capture(FLAT, 0, 0) == 0)
 
 
-def test_shading_takes_its_share_from_the_corners_only():
-    light = shading((101, 201), 0.3)
+def test_vignetting_darkens_the_corners_only():
+    light = vignetting_factor((101, 201), 0.3)
     assert light[50, 100] == pytest.approx(1.0)
     assert light[0, 0] == pytest.approx(0.7)
     assert light[100, 200] == pytest.approx(0.7)

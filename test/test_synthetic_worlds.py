@@ -67,9 +67,9 @@ def test_lane_is_a_drivable_loop_well_inside(road):
     assert xy[:, 0].max() < 56.0
     assert xy[:, 1].max() < 36.0
     assert max(abs(lane.curvature(s)) for s in lane.stations) < 1 / 4.5
-    paint, _ = road.raster.sample(lane.beside(lane.stations, 1.75))
+    paint, _ = road.raster.sample(lane.offset_positions(lane.stations, 1.75))
     assert 0.2 < (paint > 0.5).mean() < 0.65  # dashes on the left
-    edge, _ = road.raster.sample(lane.beside(lane.stations, -1.65))
+    edge, _ = road.raster.sample(lane.offset_positions(lane.stations, -1.65))
     assert (edge > 0.5).mean() > 0.6  # a solid line on the right
 
 
@@ -131,5 +131,5 @@ def test_loops_over_any_map_stay_on_it(yaw):
     world = tiles_world(resolution=0.1, origin=Pose2(100.0, -50.0, yaw))
     again = map_world(world.raster)
     for lane in (world.lane, again.lane):
-        inside = world.raster.contains(lane.beside(lane.stations, -2.0))
+        inside = world.raster.contains(lane.offset_positions(lane.stations, -2.0))
         assert inside.all()

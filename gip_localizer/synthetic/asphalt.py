@@ -1,6 +1,12 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Surfaces without paint: asphalt grain, patches, cracks, tar seams and manholes."""
+"""
+Surfaces without paint: asphalt grain, patches, cracks, tar seams and manholes.
+
+Sizes are in metres and shades are reflectances in [0, 1]. All of them are chosen so that rendered
+frames resemble photographs of worn roads; none of them is measured.
+
+"""
 
 from __future__ import annotations
 
@@ -14,11 +20,11 @@ Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
 ASPHALT = 0.30
-"""Mean reflectance of worn asphalt."""
+"""Mean reflectance of worn asphalt, in [0, 1]; chosen."""
 GRAINS = ((0.012, 0.035), (0.05, 0.018), (0.15, 0.012), (0.5, 0.012), (2.0, 0.016), (8.0, 0.02))
-"""(scale in metres, standard deviation of reflectance) of asphalt."""
+"""Noise octaves of asphalt: (grain size in metres, standard deviation of reflectance); chosen."""
 VERGE_GRAINS = ((0.03, 0.04), (0.1, 0.04), (0.3, 0.03), (1.2, 0.03), (5.0, 0.03))
-"""The same of the grass and gravel beside the road."""
+"""Noise octaves of the grass and gravel next to the road, in the units of `GRAINS`; chosen."""
 
 
 def asphalt(canvas: Canvas, rng: np.random.Generator, mean: float = ASPHALT) -> Floats32:
@@ -27,7 +33,7 @@ def asphalt(canvas: Canvas, rng: np.random.Generator, mean: float = ASPHALT) -> 
 
 
 def verge(canvas: Canvas, rng: np.random.Generator, mean: float = 0.24) -> Floats32:
-    """Return the surface beside the road, (rows, cols) reflectance."""
+    """Return the surface next to the road, (rows, cols) reflectance."""
     grains = octaves(canvas.shape, canvas.resolution, VERGE_GRAINS, rng)
     return np.asarray(mean + grains, np.float32)
 
@@ -35,7 +41,7 @@ def verge(canvas: Canvas, rng: np.random.Generator, mean: float = 0.24) -> Float
 def add_patches(
     grey: Floats32, canvas: Canvas, places: Floats, yaws: Floats, rng: np.random.Generator
 ) -> None:
-    """Lay repaired rectangles with sealed edges at places (n, 2), in place."""
+    """Draw repaired rectangles with sealed edges at positions (n, 2) in metres, in place."""
     for (x, y), yaw in zip(places.tolist(), yaws.tolist(), strict=True):
         size = float(rng.uniform(0.7, 3.0)), float(rng.uniform(0.6, 1.8))
         outline = rectangle((x, y), size, yaw)
@@ -49,7 +55,7 @@ def add_patches(
 def add_cracks(
     grey: Floats32, canvas: Canvas, places: Floats, yaws: Floats, rng: np.random.Generator
 ) -> None:
-    """Draw cracks from places (n, 2), heading along yaws (n,), in place; some are tarred."""
+    """Draw cracks from places (n, 2) along yaws (n,), in place; some are sealed with tar."""
     for start, yaw in zip(places, yaws.tolist(), strict=True):
         path = _wander(start, yaw, rng)
         tarred = rng.random() < 0.3
@@ -61,7 +67,7 @@ def add_cracks(
 
 
 def _wander(start: Floats, yaw: float, rng: np.random.Generator) -> Floats:
-    """Return a crack's points, (n, 2): a random walk about a heading."""
+    """Return the points (n, 2) of a crack: a random walk whose mean heading is `yaw`."""
     count = int(rng.integers(12, 45))
     headings = yaw + np.cumsum(rng.normal(0.0, 0.25, count)) * 0.5
     steps = rng.uniform(0.06, 0.18, count)[:, None]
@@ -70,7 +76,7 @@ def _wander(start: Floats, yaw: float, rng: np.random.Generator) -> Floats:
 
 
 def add_manholes(grey: Floats32, canvas: Canvas, places: Floats) -> None:
-    """Set iron covers with a bright ring and a waffle at places (n, 2), in place."""
+    """Draw iron covers with a bright ring and a grid pattern at places (n, 2), in place."""
     size = len(places)
     paint(grey, canvas.discs(places, np.full(size, 0.42)), 0.2)
     paint(grey, canvas.discs(places, np.full(size, 0.36)), 0.38)
@@ -83,7 +89,7 @@ def add_manholes(grey: Floats32, canvas: Canvas, places: Floats) -> None:
 
 
 def add_stains(grey: Floats32, canvas: Canvas, places: Floats, rng: np.random.Generator) -> None:
-    """Drop oil spots at places (n, 2), in place."""
+    """Draw oil stains at places (n, 2), in place."""
     for place in places:
         spots = place + rng.normal(0.0, 0.15, (5, 2))
         mask = canvas.discs(spots, rng.uniform(0.03, 0.14, 5))

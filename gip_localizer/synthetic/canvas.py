@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
 _SHIFT = 4
-"""Sub-pixel bits of the vertices that OpenCV draws."""
+"""Fractional bits of the vertices that OpenCV draws: positions are exact to 1/16 of a cell."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Canvas:
         return self.shape[1] * self.resolution, self.shape[0] * self.resolution
 
     def polygons(self, outlines: list[Floats]) -> Floats32:
-        """Return the coverage of filled (n, 2) outlines in metres, each drawn by itself."""
+        """Return the coverage of filled (n, 2) outlines in metres, each drawn separately."""
         mask = np.zeros(self.shape, np.uint8)
         for outline in outlines:
             cv2.fillPoly(mask, [self._vertices(outline)], 255, cv2.LINE_AA, _SHIFT)
@@ -87,7 +87,7 @@ class Canvas:
 
 
 def rectangle(centre: tuple[float, float], size: tuple[float, float], yaw: float) -> Floats:
-    """Return the four corners of a turned rectangle, metres."""
+    """Return the four corners (4, 2) of a rotated rectangle, metres."""
     half = 0.5 * np.array(size)
     corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * half
     c, s = np.cos(yaw), np.sin(yaw)
@@ -95,5 +95,5 @@ def rectangle(centre: tuple[float, float], size: tuple[float, float], yaw: float
 
 
 def paint(grey: Floats32, coverage: Floats32, value: Floats32 | float) -> None:
-    """Blend a value into the grey raster, in place, by coverage."""
+    """Blend a value into the grey raster, in place, weighted by the coverage."""
     grey += coverage * (np.asarray(value, np.float32) - grey)

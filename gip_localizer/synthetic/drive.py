@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A drive: world, map, camera, motion and odometry, bundled from one set of parameters.
+A synthetic drive: world, map, camera, motion and odometry from one set of parameters.
 
-The node, `gip simulate`, `gip demo` and the evaluation all drive this way.
+The node `synthetic_camera`, `gip simulate`, `gip demo` and the evaluation all use it.
 
 """
 
@@ -35,7 +35,7 @@ from gip_localizer.synthetic.worlds import (
     World,
 )
 
-_road_world = lru_cache(maxsize=1)(road_world)  # takes seconds, and is only read
+_road_world = lru_cache(maxsize=1)(road_world)  # takes seconds to make; callers only read it
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +54,9 @@ class SyntheticFrame:
     truth : Pose2
         T_map_base.
     extrinsics : Extrinsics
-        Where the camera really was (the suspension moves it).
+        True mounting pose of the camera in this frame (the suspension moves it).
     hidden : (height, width) bool or None
-        Pixels in which cars hide the road; None without cars.
+        True where a car hides the road; None without cars.
 
     """
 
@@ -71,12 +71,12 @@ class SyntheticFrame:
 
 class SyntheticDrive:
     """
-    A vehicle with a camera that drives through a world.
+    A vehicle with a camera that moves through a world.
 
     Parameters
     ----------
     parameters : SyntheticCameraParameters
-        Everything that can be chosen.
+        All settings of world, camera, motion and disturbances.
     start_ns : int
         Stamp of the first frame, nanoseconds.
 
@@ -97,12 +97,12 @@ class SyntheticDrive:
 
     @cached_property
     def raster_map(self) -> RasterMap:
-        """The map that a localizer would carry: the world as mapped, in coarser cells."""
+        """The map that the localizer uses: the world before its changes, in coarser cells."""
         return map_of(self.world.raster, self.parameters.world.join)
 
     @cached_property
     def synthetic_camera(self) -> SyntheticCamera:
-        """The camera over the world as it is now."""
+        """The camera in the world as it is now, changes included."""
         ground, raster = self.parameters.world, self.world.raster
         if ground.changed > 0.0:
             raster = changed(raster, ground.changed, seed=ground.seed)
@@ -110,7 +110,7 @@ class SyntheticDrive:
 
     @property
     def camera(self) -> CameraModel:
-        """The camera as it is calibrated."""
+        """The camera model with its calibrated pose."""
         return self.synthetic_camera.camera
 
     def stamp_ns(self, index: int) -> int:
@@ -122,7 +122,7 @@ class SyntheticDrive:
         return self.motion.pose(index / self.parameters.rate)
 
     def frame(self, index: int) -> SyntheticFrame:
-        """Return a frame by its number, whatever was asked for before."""
+        """Return a frame by its number; the result does not depend on earlier calls."""
         time = index / self.parameters.rate
         pose = self.motion.pose(time)
         capture = self.synthetic_camera.capture(
@@ -142,7 +142,7 @@ class SyntheticDrive:
             index += 1
 
     def odometry(self) -> Iterator[OdometryReading]:
-        """Yield odometry from the start until the motion ends (on a loop: forever)."""
+        """Yield odometry from the start until the motion ends (on a loop: without end)."""
         return odometry_readings(
             self.motion, self.parameters.odometry, seed=self.parameters.seed,
             start_ns=self.start_ns,
@@ -160,7 +160,7 @@ class SyntheticDrive:
 
 
 def make_world(ground: Ground) -> World:
-    """Return the world that parameters ask for, as it was mapped (raises MapError)."""
+    """Return the world that the parameters define, before its changes (raises MapError)."""
     origin = Pose2(0.0, 0.0, ground.origin_yaw)
     if ground.name == 'road':
         return _road_world(seed=ground.seed, resolution=ground.resolution, origin=origin)

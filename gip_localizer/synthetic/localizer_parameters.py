@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A localizer's parameters for a synthetic drive: same camera, a view it can see, a prior."""
+"""Parameters of a localizer for a synthetic drive: its camera, a visible view and a prior."""
 
 from __future__ import annotations
 
@@ -13,24 +13,26 @@ from gip_localizer.parameters import Birdseye, Parameters
 from gip_localizer.synthetic.drive import SyntheticDrive
 
 _STREAM = 7101
-"""Sets the prior's random numbers apart from the images'."""
+"""Seed of the prior's random stream (no unit); any number that no other stream uses."""
 LONGEST = 10.0
+"""Largest length of the view, metres: that of the default view (2.5 to 12.5 m ahead)."""
 FINE_VIEW = 4.0
-"""A shorter view (m) is cut into cells of half the size."""
+"""Views shorter than this, in metres, get cells of half the default size; chosen."""
 
 
 def localizer_parameters(drive: SyntheticDrive, *, compressed: bool = False) -> Parameters:
     """
     Return parameters with which a localizer can follow a drive.
 
-    The initial pose is the true start, off by a draw from its own standard deviations.
+    The initial pose is the true start plus a random error that is drawn with the standard
+    deviations of the prior.
 
     Parameters
     ----------
     drive : SyntheticDrive
-        Its camera, frames and start are taken.
+        The drive whose camera, frame names and start are used.
     compressed : bool
-        True: the images come compressed.
+        True: the images are published compressed.
 
     Raises
     ------
@@ -42,7 +44,7 @@ def localizer_parameters(drive: SyntheticDrive, *, compressed: bool = False) -> 
         name: value for name, value in drive.parameters.to_dict().items()
         if name.startswith(('camera.', 'frames.'))
     }
-    start = _shaken(drive.truth(0), drive.parameters.seed)
+    start = _perturbed(drive.truth(0), drive.parameters.seed)
     values |= {
         'image_transport': 'compressed' if compressed else 'raw',
         'initial_pose.set': True, 'initial_pose.x': start.x, 'initial_pose.y': start.y,
@@ -51,7 +53,7 @@ def localizer_parameters(drive: SyntheticDrive, *, compressed: bool = False) -> 
     return Parameters.from_dict(values)
 
 
-def _shaken(truth: Pose2, seed: int) -> Pose2:
+def _perturbed(truth: Pose2, seed: int) -> Pose2:
     prior = Parameters().initial_pose
     sigma = np.array([prior.sigma_xy, prior.sigma_xy, prior.sigma_yaw])
     draw = np.clip(np.random.default_rng([seed, _STREAM]).standard_normal(3), -2.0, 2.0)
@@ -60,7 +62,7 @@ def _shaken(truth: Pose2, seed: int) -> Pose2:
 
 
 def _view(camera: CameraModel) -> dict[str, object]:
-    """Keep the default view where the camera sees most of it; else take what it sees."""
+    """Return no change if the camera sees 70 % of the default view, else the view that it sees."""
     near, far, half_width = _seen(camera)
     usual = Birdseye()
     if min(far, usual.far) - max(near, usual.near) > 0.7 * (usual.far - usual.near):
@@ -75,7 +77,7 @@ def _view(camera: CameraModel) -> dict[str, object]:
 
 
 def _seen(camera: CameraModel) -> tuple[float, float, float]:
-    """Nearest and farthest road ahead in the image's middle column, and half the width there."""
+    """Nearest and farthest road in the middle column, and half the width there, metres."""
     rows = np.linspace(0.0, camera.height - 1.0, 200)
     middle = np.stack([np.full(200, (camera.width - 1) / 2.0), rows], axis=1)
     xy, valid = camera.road_points(middle)

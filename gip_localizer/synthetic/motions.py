@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the vehicle is at a time: along a loop, straight on, or as a TUM file says."""
+"""Motion of the vehicle over time: along a loop, along a line, or from a TUM file."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from gip_localizer.synthetic.parameters import Drive
 from gip_localizer.synthetic.paths import Path
 
 _DELTA = 0.005
-"""Half of the time (s) over which a trajectory's velocity is taken."""
+"""Half of the interval, in seconds, for the central difference that gives a velocity; chosen."""
 
 
 @dataclass(frozen=True)
 class Twist2:
-    """Velocity in the base frame: forward and left in m/s, turn in rad/s."""
+    """Velocity in the base frame: forward and left in m/s, yaw rate `turn` in rad/s."""
 
     forward: float = 0.0
     left: float = 0.0
@@ -29,11 +29,11 @@ class Twist2:
 
 
 class Motion(Protocol):
-    """A vehicle's way through time, seconds from 0 to `duration`."""
+    """Pose and velocity of a vehicle at times from 0 to `duration`, seconds."""
 
     @property
     def duration(self) -> float:
-        """Time until the motion ends, seconds; inf: never."""
+        """Time until the motion ends, seconds; inf if it never ends."""
 
     def pose(self, time: float) -> Pose2:
         """Return T_map_base at a time."""
@@ -44,7 +44,7 @@ class Motion(Protocol):
 
 @dataclass(frozen=True)
 class PathMotion:
-    """Along a path at constant speed; on a closed one, forever."""
+    """Motion along a path at constant speed; without end on a closed path."""
 
     path: Path
     speed: float
@@ -69,7 +69,7 @@ class PathMotion:
 
 @dataclass(frozen=True)
 class LineMotion:
-    """Straight on from a pose at constant speed."""
+    """Motion along a straight line from a pose at constant speed."""
 
     origin: Pose2
     speed: float
@@ -90,7 +90,7 @@ class LineMotion:
 
 @dataclass(frozen=True)
 class RecordedMotion:
-    """As recorded, in the recording's own time."""
+    """Motion along a recorded trajectory, with the times of the recording."""
 
     trajectory: Trajectory
 
@@ -101,7 +101,7 @@ class RecordedMotion:
         return float(stamps[-1] - stamps[0]) * 1e-9
 
     def pose(self, time: float) -> Pose2:
-        """Return T_map_base at a time; before and after the recording its ends."""
+        """Return T_map_base at a time; outside the recording its first or last pose."""
         stamps = self.trajectory.stamps_ns
         at = int(stamps[0]) + round(time * 1e9)
         inside = np.clip(np.array([at], np.int64), stamps[0], stamps[-1])
@@ -109,7 +109,7 @@ class RecordedMotion:
         return Pose2(*self.trajectory.at(inside, endless)[0].tolist())
 
     def twist(self, time: float) -> Twist2:
-        """Return the velocity at a time, a difference over 10 ms."""
+        """Return the velocity at a time, as a difference over 10 ms."""
         before, after = max(time - _DELTA, 0.0), min(time + _DELTA, self.duration)
         if after <= before:
             return Twist2()
@@ -120,7 +120,7 @@ class RecordedMotion:
 
 def make_motion(drive: Drive, lane: Path) -> Motion:
     """
-    Return the motion that parameters ask for.
+    Return the motion that the parameters define.
 
     Raises
     ------

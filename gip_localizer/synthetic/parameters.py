@@ -1,6 +1,11 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Every setting of the synthetic camera, once: default, unit, bounds and meaning."""
+"""
+Every setting of the synthetic camera, once: default, unit, bounds and meaning.
+
+Defaults are chosen to resemble a passenger car with a machine-vision camera.
+
+"""
 
 from __future__ import annotations
 
@@ -15,30 +20,30 @@ from gip_localizer.parameters.spec import parameter as p
 
 @dataclass(frozen=True)
 class Ground:
-    """The world that is rendered, and the map that is made of it."""
+    """The world that is rendered, and the map that is made from it."""
 
     name: str = p('road', 'World: road, tiles, or the YAML file of a map.', read_only=True)
     seed: int = p(0, 'Seed of the world.', low=0, high=2**31 - 1, read_only=True)
-    resolution: float = p(0.025, 'Side of a cell of the made worlds.', unit='m', low=0.002,
+    resolution: float = p(0.025, 'Cell size of the generated worlds.', unit='m', low=0.002,
                           high=1.0, read_only=True)
-    join: int = p(2, 'Cells of the world, a side, that become one cell of the map.', low=1,
+    join: int = p(2, 'Number of world cells along each side of one map cell.', low=1,
                   high=100, read_only=True)
-    origin_yaw: float = p(0.0, 'Yaw of the grid of the made worlds in the map frame.',
+    origin_yaw: float = p(0.0, 'Yaw of the grid of generated worlds in the map frame.',
                           unit='rad', low=-3.2, high=3.2, read_only=True)
     tile_side: float = p(0.3, 'Side of a painted square.', unit='m', low=0.01, high=10.0,
                          read_only=True)
-    tile_amplitude: float = p(0.25, 'Squares are mean grey plus or minus this.', low=0.0,
+    tile_amplitude: float = p(0.25, 'Contrast: a square is mean grey plus or minus this.', low=0.0,
                               high=0.45, read_only=True)
-    changed: float = p(0.0, 'Share of the area that changed since it was mapped.', low=0.0,
+    changed: float = p(0.0, 'Fraction of the area that changed after mapping.', low=0.0,
                        high=0.9, read_only=True)
 
 
 @dataclass(frozen=True)
 class Lens:
-    """Size of the image and lens; the principal point is the image's middle."""
+    """Image size and lens; the principal point is the image centre."""
 
-    width: int = p(1280, 'Width of the image.', unit='px', low=16, high=8192, read_only=True)
-    height: int = p(720, 'Height of the image.', unit='px', low=16, high=8192, read_only=True)
+    width: int = p(1280, 'Image width.', unit='px', low=16, high=8192, read_only=True)
+    height: int = p(720, 'Image height.', unit='px', low=16, high=8192, read_only=True)
     focal: float = p(900.0, 'Focal length.', unit='px', low=5.0, high=50000.0, read_only=True)
     model: str = p('plumb_bob', 'Distortion model.', choices=('plumb_bob', 'equidistant'),
                    read_only=True)
@@ -52,59 +57,59 @@ class Lens:
 
 @dataclass(frozen=True)
 class Sensor:
-    """Exposure and noise, in shares of full scale."""
+    """Exposure and noise, as fractions of full scale."""
 
-    gain: float = p(1.1, 'Exposure: full scale per unit of brightness.', low=0.0, high=100.0)
+    gain: float = p(1.1, 'Exposure: full scale per unit of scene brightness.', low=0.0, high=100.0)
     offset: float = p(0.02, 'Black level.', low=-1.0, high=1.0)
-    vignetting: float = p(0.2, 'Light lost in the corners.', low=0.0, high=1.0)
-    full_well: float = p(10000.0, 'Electrons at full scale; 0: no shot noise.', low=0.0,
+    vignetting: float = p(0.2, 'Fraction of light lost in the image corners.', low=0.0, high=1.0)
+    full_well: float = p(10000.0, 'Electrons at full scale; 0 disables shot noise.', low=0.0,
                          high=1e9)
     read_noise: float = p(0.004, 'Standard deviation of white noise.', low=0.0, high=10.0)
-    exposure_time: float = p(0.002, 'Time in which the image smears with the motion.', unit='s',
+    exposure_time: float = p(0.002, 'Exposure time, which causes motion blur.', unit='s',
                              low=0.0, high=1.0)
-    bits: int = p(8, 'Depth of the image, 8 or 16.', low=8, high=16, read_only=True)
+    bits: int = p(8, 'Bits per pixel, 8 or 16.', low=8, high=16, read_only=True)
 
 
 @dataclass(frozen=True)
 class Drive:
-    """Where the vehicle goes."""
+    """Motion of the vehicle."""
 
-    trajectory: str = p('loop', 'loop (along the lane), line (straight on), or a TUM file.',
+    trajectory: str = p('loop', 'loop (along the lane), line (straight), or a TUM file.',
                         read_only=True)
-    speed: float = p(5.0, 'Speed on loop and line; a TUM file has its own.', unit='m/s',
+    speed: float = p(5.0, 'Speed on loop and line; a TUM file has its own times.', unit='m/s',
                      low=0.0, high=100.0, read_only=True)
-    start: float = p(0.0, 'Where to start, along the lane.', unit='m', low=0.0, high=1e6,
+    start: float = p(0.0, 'Start position along the lane.', unit='m', low=0.0, high=1e6,
                      read_only=True)
 
 
 @dataclass(frozen=True)
 class Odometry:
-    """What the wheels say."""
+    """Simulated wheel odometry and its errors."""
 
     rate: float = p(50.0, 'Messages per second.', unit='Hz', low=0.1, high=1000.0,
                     read_only=True)
-    noise_xy: float = p(0.01, 'Random walk of the position.', unit='m/√m', low=0.0, high=10.0,
-                        read_only=True)
-    noise_yaw: float = p(0.001, 'Random walk of the heading.', unit='rad/√m', low=0.0, high=1.0,
-                         read_only=True)
-    scale_error: float = p(0.005, 'Share by which distances are overstated.', low=-0.5,
+    noise_xy: float = p(0.01, 'Random walk of the position with the distance.', unit='m/√m',
+                        low=0.0, high=10.0, read_only=True)
+    noise_yaw: float = p(0.001, 'Random walk of the heading with the distance.', unit='rad/√m',
+                         low=0.0, high=1.0, read_only=True)
+    scale_error: float = p(0.005, 'Relative error of the measured distance.', low=-0.5,
                            high=0.5, read_only=True)
-    yaw_drift: float = p(0.0003, 'Heading lost steadily.', unit='rad/m', low=-1.0, high=1.0,
-                         read_only=True)
+    yaw_drift: float = p(0.0003, 'Constant drift of the heading with the distance.', unit='rad/m',
+                         low=-1.0, high=1.0, read_only=True)
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What is not in the map or the calibration."""
+    """Disturbances that neither map nor calibration contain."""
 
-    pitch: float = p(0.0, 'Amplitude of hidden pitch (suspension).', unit='rad', low=0.0,
+    pitch: float = p(0.0, 'Amplitude of unmeasured pitch (suspension).', unit='rad', low=0.0,
                      high=0.05)
-    roll: float = p(0.0, 'Amplitude of hidden roll.', unit='rad', low=0.0, high=0.05)
-    height: float = p(0.0, 'Amplitude of hidden height.', unit='m', low=0.0, high=0.2)
-    cars: float = p(0.0, 'Share of the road in view that cars hide.', low=0.0, high=0.5)
-    glare: float = p(0.0, 'Brightness that a low sun adds.', low=0.0, high=5.0)
-    shadows: float = p(0.0, 'Share of the light that hard shadows take.', low=0.0, high=0.95)
-    rain: float = p(0.0, 'Rain; 1 is a downpour.', low=0.0, high=2.0)
+    roll: float = p(0.0, 'Amplitude of unmeasured roll.', unit='rad', low=0.0, high=0.05)
+    height: float = p(0.0, 'Amplitude of unmeasured height.', unit='m', low=0.0, high=0.2)
+    cars: float = p(0.0, 'Fraction of the visible road that cars hide.', low=0.0, high=0.5)
+    glare: float = p(0.0, 'Brightness that glare of a low sun adds.', low=0.0, high=5.0)
+    shadows: float = p(0.0, 'Fraction of the light that hard shadows block.', low=0.0, high=0.95)
+    rain: float = p(0.0, 'Strength of rain; 1 is a downpour.', low=0.0, high=2.0)
 
 
 @dataclass(frozen=True)
@@ -124,7 +129,7 @@ class SyntheticCameraParameters(ParameterGroup):
     disturbance: Disturbance = group(Disturbance)
 
     def check(self) -> None:
-        """Judge what no range can say (raises ParameterError)."""
+        """Check what a range cannot express (raises ParameterError)."""
         if self.sensor.bits not in (8, 16):
             raise ParameterError(
                 f'parameter sensor.bits: got {self.sensor.bits}, expected 8 or 16'
@@ -133,12 +138,12 @@ class SyntheticCameraParameters(ParameterGroup):
 
 @dataclass(frozen=True)
 class Publishing:
-    """How frames go out."""
+    """How frames are published."""
 
-    transport: str = p('raw', 'Which topic carries the images: image, or image/compressed.',
+    transport: str = p('raw', 'Topic of the images: image (raw) or image/compressed.',
                        choices=('raw', 'compressed'), read_only=True)
-    jpeg_quality: int = p(90, 'Quality of compressed images.', low=1, high=100)
-    wait: bool = p(False, 'Set out when someone listens to image, camera_info and odom.',
+    jpeg_quality: int = p(90, 'JPEG quality of compressed images.', low=1, high=100)
+    wait: bool = p(False, 'Wait for subscribers of image, camera_info and odom.',
                    read_only=True)
 
 

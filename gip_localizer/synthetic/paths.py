@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Smooth paths in the plane, by arc length: closed loops and open lines.
+Smooth paths in the plane, parametrized by arc length: closed loops and open lines.
 
-A path is a periodic or natural cubic spline through its points, so that heading and curvature
-are continuous.
+A path is a periodic or natural cubic spline through its points, which makes heading and
+curvature continuous.
 
 """
 
@@ -23,12 +23,12 @@ from gip_localizer.core.pose import Pose2, wrap_angle
 Floats = NDArray[np.float64]
 
 _SPACING = 0.1
-"""Metres between the points of a smoothed path."""
+"""Distance between the points of a smoothed path, metres; chosen."""
 
 
 class Path:
     """
-    A path that is followed by arc length.
+    A planar path, parametrized by arc length.
 
     Parameters
     ----------
@@ -74,20 +74,20 @@ class Path:
         (dx, dy), (ddx, ddy) = self._spline(at, 1)[0], self._spline(at, 2)[0]
         return float((dx * ddy - dy * ddx) / math.hypot(dx, dy) ** 3)
 
-    def beside(self, arc: Floats, left: Floats | float) -> Floats:
-        """Return the points (n, 2) at arc lengths (n,), shifted to the left by metres."""
+    def offset_positions(self, arc: Floats, left: Floats | float) -> Floats:
+        """Return the positions (n, 2) at arc lengths (n,), `left` metres to the left."""
         yaw = self.heading(arc)
         normal = np.column_stack([-np.sin(yaw), np.cos(yaw)])
         shift = np.broadcast_to(np.asarray(left, float), np.shape(arc))
         return np.asarray(self.position(arc) + shift[:, None] * normal, float)
 
     def shifted(self, left: float) -> Path:
-        """Return the path that runs beside this one, `left` metres to its left."""
-        return Path(self.beside(self.stations, left), closed=self.closed)
+        """Return the parallel path, `left` metres to the left of this one."""
+        return Path(self.offset_positions(self.stations, left), closed=self.closed)
 
     @cached_property
     def stations(self) -> Floats:
-        """Arc lengths about a quarter of a metre apart, without a closed path's last."""
+        """Arc lengths about 0.25 m apart, without the end point of a closed path."""
         count = max(8, math.ceil(self.length / 0.25))
         return np.linspace(0.0, self.length, count, endpoint=not self.closed)
 
@@ -106,7 +106,7 @@ def cumulative_length(points: Floats) -> Floats:
 
 def rounded_loop(corners: Floats, rounding: float) -> Path:
     """
-    Return a closed path along a polygon whose corners are rounded.
+    Return a closed path along a polygon with rounded corners.
 
     The polygon is smoothed along its length by a Gaussian of `rounding` metres: straight sides
     stay straight, and curvature is continuous.

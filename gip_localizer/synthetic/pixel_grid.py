@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The rays of a camera's pixels, at their corners and anywhere inside, and their footprints."""
+"""Rays through the corners and the interior of a camera's pixels, and their footprints."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Ints = NDArray[np.int64]
 
 class PixelGrid:
     """
-    The rays at the corners of a camera's pixels, and the footprints they span.
+    The rays at the corners of a camera's pixels, and the footprints of the pixels on the road.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class PixelGrid:
 
     def footprints(self, camera: CameraModel) -> tuple[Floats, Floats, Floats]:
         """
-        Sides of the pixels' footprints on the road under a flat world.
+        Side lengths of the pixels' footprints on a flat road.
 
         Returns
         -------
@@ -62,7 +62,7 @@ class PixelGrid:
     def rays_in(
         self, pixels: Ints, strata: tuple[int, int], spread: tuple[Floats, Floats]
     ) -> Floats32:
-        """Return the rays (nu * nv, m, 2) at pixels' strata, spread (m,) about their centres."""
+        """Return the rays (nu * nv, m, 2) at the strata of pixels, scaled by `spread` (m,)."""
         fu, fv = (
             0.5 + by[:, None] * ((np.arange(n) + 0.5) / n - 0.5)
             for n, by in zip(strata, spread, strict=True)

@@ -4,10 +4,10 @@
 How many road samples a pixel takes, and where inside the pixel.
 
 A pixel shows the mean of the road over its footprint. Near the camera a footprint is smaller
-than a cell of the world and one sample is enough; far away it is metres long and centimetres
-wide. So each pixel is divided into nu x nv strata of its own, and looks the road up in a level
-of an image pyramid no coarser than half of the footprint's short side. Nothing here knows of
-bird's-eye views: the renderer must not share a shortcut with what it tests.
+than a cell of the world, and one sample is enough. Far away it is metres long and centimetres
+wide. Therefore each pixel is divided into nu x nv strata, and the samples are read from a level
+of an image pyramid that is no coarser than half of the footprint's short side. This module does
+not use bird's-eye views: the renderer must not share a simplification with the code that it tests.
 
 """
 
@@ -27,30 +27,31 @@ Floats32 = NDArray[np.float32]
 Ints = NDArray[np.int64]
 
 _STEPS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 256, 512, 1024])
-"""Numbers of strata that occur; few of them, so that pixels share groups."""
+"""Allowed numbers of strata per side; chosen, and few, so that many pixels share a group."""
 _ROW = 1024
-"""Samples in a row of `SampleGroup.rays`."""
+"""Samples in a row of `SampleGroup.rays`; below OpenCV's limit of 32767 for an image side."""
 _SKY = 0.03
-"""Rays that rise more than this (rad) above the horizon are never sampled."""
+"""Largest nominal elevation, in rad, of sampled rays: suspension may lower them; chosen."""
 _HAZE = -0.004
-"""Rays above this elevation (rad) meet the road too far away for their detail to matter."""
+"""Elevation, in rad, above which one sample is enough (375 m away from 1.5 m up); chosen."""
 
 
 @dataclass(frozen=True)
 class Quality:
     """
-    How finely the road is sampled.
+    Sampling density of the road.
 
     Attributes
     ----------
     spacing : float
-        Largest distance of neighbouring samples, in cells of the level looked up.
+        Largest distance of neighbouring samples, in cells of the pyramid level that is read.
     short_side : float
-        Cells of the level that fit in the short side of a footprint, at least (levels above 0).
+        Least number of cells of that level along the short side of a footprint (levels above 0).
     least : int
         Least number of strata along each side of a pixel.
     most : int
-        Most samples per pixel; beyond it a coarser level is taken, and fewer at the coarsest.
+        Largest number of samples per pixel. If more were needed, a coarser level is used; at the
+        coarsest level the samples are reduced.
     max_level : int
         Coarsest level of the pyramid.
 
@@ -64,13 +65,15 @@ class Quality:
 
 
 FAST = Quality(spacing=0.75, short_side=2.0, least=1, most=48, max_level=5)
+"""Density for live use; chosen, and compared with `EXACT` in test/test_synthetic_renderer.py."""
 EXACT = Quality(spacing=0.5, short_side=2.0, least=3, most=600, max_level=0)
+"""Density for reference images: two samples per cell of the world along each side; chosen."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampleGroup:
     """
-    Pixels that are sampled alike.
+    Pixels with the same number of samples and the same pyramid level.
 
     Attributes
     ----------
@@ -79,10 +82,11 @@ class SampleGroup:
     samples : int
         Samples per pixel, n.
     level : int
-        Pyramid level to look up.
+        Pyramid level that is read.
     rays : (rows, 1024, 2) float32
-        Undistorted normalised coordinates of the n x m samples, sample by sample, in rows
-        because OpenCV limits the sides of an image; the last is repeated to fill them.
+        Undistorted normalised coordinates of the n x m samples, sample by sample. They are
+        arranged in rows because OpenCV limits the sides of an image; the last sample is repeated
+        to fill the last row.
 
     """
 
@@ -96,20 +100,20 @@ def sample_groups(
     grid: PixelGrid, camera: CameraModel, cell: float, quality: Quality, *, chunk: int = 1 << 40
 ) -> Iterator[SampleGroup]:
     """
-    Yield the pixels that can see the road, grouped by how they are sampled.
+    Yield the pixels that can see the road, grouped by number of samples and pyramid level.
 
     Parameters
     ----------
     grid : PixelGrid
         Rays of the camera's pixels.
     camera : CameraModel
-        Its nominal pose fixes the numbers of samples.
+        Camera whose nominal pose determines the numbers of samples.
     cell : float
         Side of a cell of the world, metres.
     quality : Quality
         Sampling density.
     chunk : int
-        Most samples in one group.
+        Largest number of samples in one group.
 
     """
     along_u, along_v, rise = grid.footprints(camera)
@@ -145,7 +149,7 @@ def _strata(
 
 
 def _count(side: Floats, level: Ints, cell: float, quality: Quality) -> Ints:
-    """Return how many strata keep samples within the spacing, rounded up to a known step."""
+    """Return the number of strata that keeps the spacing, rounded up to one of `_STEPS`."""
     needed = np.ceil(side / (quality.spacing * cell * 2.0**level) - 1e-9)
     needed = np.maximum(needed, quality.least)
     return _STEPS[np.minimum(np.searchsorted(_STEPS, needed), len(_STEPS) - 1)]
@@ -153,10 +157,10 @@ def _count(side: Floats, level: Ints, cell: float, quality: Quality) -> Ints:
 
 def _spread(side: Floats, strata: int, level: int) -> Floats:
     """
-    Return how far to spread samples so that the mean has the footprint's second moment.
+    Return the factor on sample offsets that gives the samples the footprint's second moment.
 
-    The samples' own second moment is side²/12 · (1 - 1/n²). A level above 0 adds to it: its
-    cells are boxes, and the look-up is bilinear between them, as it is in the world itself.
+    The second moment of n samples is side²/12 · (1 - 1/n²). A level above 0 adds to it: its cells
+    are box means, and the interpolation between them is bilinear, as in the world itself.
 
     Parameters
     ----------
@@ -165,7 +169,7 @@ def _spread(side: Floats, strata: int, level: int) -> Floats:
     strata : int
         Samples along that side, n.
     level : int
-        Pyramid level that is looked up.
+        Pyramid level that is read.
 
     """
     if strata == 1:
@@ -177,7 +181,7 @@ def _spread(side: Floats, strata: int, level: int) -> Floats:
 
 
 def _in_rows(rays: Floats32) -> Floats32:
-    """Return rays (n, 2) as (rows, 1024, 2), the last one repeated to fill the rows."""
+    """Return rays (n, 2) as (rows, 1024, 2); the last ray is repeated to fill the last row."""
     missing = -len(rays) % _ROW
     filled = np.concatenate([rays, np.repeat(rays[-1:], missing, axis=0)])
     return filled.reshape(-1, _ROW, 2)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A synthetic drive as a bag with map and parameters; the same settings give the same bytes."""
+"""Write a synthetic drive as a bag with map and parameters; same settings, same bytes."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from gip_localizer.synthetic.wheel_odometry import OdometryReading
 
 NAME = 'drive'
 START_NS = 1_700_000_000_000_000_000
+"""Stamp of the first frame, nanoseconds since 1970: a date in November 2023; chosen."""
 OPTICAL = 'camera_optical_frame'
 TRANSPORTS = ('raw', 'jpeg', 'png')
 IMAGE, COMPRESSED = '/image', '/image/compressed'
@@ -44,23 +45,23 @@ def write_drive(folder: Path, drive: SyntheticDrive, *, seconds: float, transpor
     Parameters
     ----------
     folder : Path
-        Exists and is empty; afterwards a rosbag2 folder with map.yaml, map.png, params.yaml (of
-        the localizer) and synthetic_camera.yaml beside the bag.
+        An existing empty folder. Afterwards it is a rosbag2 folder that also holds map.yaml,
+        map.png, params.yaml (of the localizer) and synthetic_camera.yaml.
     drive : SyntheticDrive
-        What is recorded.
+        The drive to record.
     seconds : float
         Length of the recording.
     transport : str
         raw, jpeg or png.
     quality : int
-        Of jpeg, 1 to 100.
+        JPEG quality, 1 to 100.
     on_frame : callable
-        Told of each image.
+        Called after each image.
 
     Raises
     ------
     GipError
-        The drive's camera sees no road, or the images do not fit the transport.
+        The camera sees no road, or the transport cannot hold the bit depth of the images.
 
     """
     if transport == 'jpeg' and drive.parameters.sensor.bits != 8:

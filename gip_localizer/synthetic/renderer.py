@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A camera over a flat painted world: each pixel is the mean of the world over its footprint.
+Render a camera over a flat world: each pixel is the mean of the world over its footprint.
 
-The world between cell centres is the bilinear interpolation of its cells. Rays are cast through
-strata of every pixel, met with the road, and looked up; their mean is the pixel.
+Between cell centres the world is interpolated bilinearly. Rays through strata of every pixel are
+intersected with the road plane; the pixel is the mean of the world at these points.
 
 """
 
@@ -34,16 +34,16 @@ Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
 _CHUNK = 4_000_000
-"""Samples that the exact renderer holds at once."""
+"""Largest number of samples in memory at once in the exact renderer; chosen."""
 _SWING = 0.06
-"""How far (rad, about) the horizon may move from its nominal place in a frame."""
+"""Largest motion of the horizon, in rad: above the largest `disturbance.pitch` of 0.05 rad."""
 OFF_MAP = 0.30
-"""Reflectance of the road beyond the world's edge and where the world holds no data."""
+"""Reflectance, in [0, 1], outside the world and where it holds no data: that of asphalt."""
 
 
 class Renderer:
     """
-    Renders what a camera sees of a world, without light, lens shading or noise.
+    Renders the image of a world, without lighting, vignetting or noise.
 
     Parameters
     ----------
@@ -52,8 +52,8 @@ class Renderer:
     camera : CameraModel
         Lens and nominal pose in the base frame.
     exact : bool
-        True: dense samples of the world itself (seconds per frame; for tests). False: the
-        image pyramid, for live use.
+        True: sample the world itself densely (seconds per frame; for tests). False: use the image
+        pyramid, for live use.
 
     Raises
     ------
@@ -89,12 +89,12 @@ class Renderer:
         pose : Pose2
             T_map_base.
         extrinsics : Extrinsics, optional
-            Where the camera is in this frame (suspension); the nominal place if not given.
+            Mounting pose in this frame (suspension); the nominal pose if not given.
 
         Returns
         -------
         (height, width) float32
-            Reflectance in [0, 1]; a grey sky above the horizon, black outside the lens.
+            Reflectance in [0, 1]; grey sky above the horizon, black outside the field of view.
 
         """
         extrinsics = extrinsics or self.camera.extrinsics
@@ -110,14 +110,14 @@ class Renderer:
     def render_moving(
         self, poses: Sequence[Pose2], extrinsics: Extrinsics | None = None
     ) -> Floats32:
-        """Return the mean of the images from several poses: what a moving camera exposes."""
+        """Return the mean of the images from several poses: the exposure of a moving camera."""
         total = self.render(poses[0], extrinsics)
         for pose in poses[1:]:
             total += self.render(pose, extrinsics)
         return total / np.float32(len(poses))
 
     def _rotation(self, extrinsics: Extrinsics) -> Floats:
-        """Return R_base_camera with the camera held by other extrinsics."""
+        """Return R_base_camera for other extrinsics."""
         nominal = self.camera.extrinsics.rotation()
         return extrinsics.rotation() @ nominal.T @ self.camera.R_base_camera
 
@@ -140,7 +140,7 @@ class Renderer:
         return np.asarray(to_cell @ to_grid @ road, float)
 
     def _look_up(self, group: SampleGroup, H_cell_ray: Floats) -> Floats32:
-        """Return the mean sample of each of a group's pixels, (m,)."""
+        """Return the mean of the samples of each pixel in a group, (m,)."""
         samples, count = group.samples, len(group.pixels)
         shrink = 0.5**group.level
         to_level = np.diag([shrink, shrink, 1.0])
@@ -156,7 +156,7 @@ class Renderer:
         return np.asarray(flat.reshape(samples, count).mean(axis=0), np.float32)
 
     def _look_up_exact(self, group: SampleGroup, H_cell_ray: Floats) -> Floats32:
-        """Return the same from the world itself, in double precision."""
+        """Return the same means from the world itself, in double precision."""
         count = group.samples * len(group.pixels)
         rays = group.rays.reshape(-1, 2)[:count].astype(float)
         homogeneous = rays @ H_cell_ray[:, :2].T + H_cell_ray[:, 2]
@@ -175,7 +175,7 @@ class Renderer:
         )
 
     def _paint_sky(self, image: Floats32, R_base_camera: Floats) -> None:
-        """Blend a sky that darkens upwards over the pixels above the horizon, in place."""
+        """Blend a sky that gets darker upwards over the pixels above the horizon, in place."""
         pixels, rays = self._upper
         rise = rays @ R_base_camera[2, :2].astype(np.float32) + np.float32(R_base_camera[2, 2])
         share = np.clip(rise * np.float32(self.camera.K[1, 1]) + 0.5, 0.0, 1.0)
@@ -185,7 +185,7 @@ class Renderer:
 
 
 def _upper_pixels(grid: PixelGrid, camera: CameraModel) -> tuple[NDArray[np.int64], Floats32]:
-    """Return the pixels (n,) that may show sky when the camera swings, and their rays (n, 2)."""
+    """Return the pixels (n,) that may show sky when the camera pitches, and their rays (n, 2)."""
     rise = grid.centres @ camera.R_base_camera[2, :2] + camera.R_base_camera[2, 2]
     pixels = np.flatnonzero((rise > -_SWING) & grid.visible.ravel())
     return pixels, grid.centres[pixels].astype(np.float32)
@@ -200,7 +200,7 @@ def _filled(world: RasterMap) -> Floats32:
 
 
 def _pyramid(grey: Floats32, levels: int) -> list[Floats32]:
-    """Return the world and its halvings; each cell is the mean of the four below it."""
+    """Return the world and its coarser levels; each cell is the mean of four finer cells."""
     pyramid = [grey]
     for _ in range(levels):
         finer = pyramid[-1]

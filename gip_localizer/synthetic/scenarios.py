@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Named conditions: what each changes of the synthetic camera's parameters."""
+"""Named conditions: the parameters of the synthetic camera that each of them changes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PAPER_CAMERA: dict[str, Value] = {
     'camera.x': 0.0, 'camera.z': 0.583095, 'camera.pitch': math.radians(35.9020),
     'lens.width': 640, 'lens.height': 323, 'lens.focal': 320.0 / math.tan(math.radians(35.2644)),
 }
-"""The paper's camera: 58.3 cm high, 35.9° down, 70.5° x 39.3°."""
+"""The paper's camera: height 58.3095 cm, pitch 35.902° down, field of view 70.5° x 39.3°."""
 
 SCENARIOS: dict[str, dict[str, Value]] = {
     'clear': {},
@@ -46,19 +46,19 @@ SCENARIOS: dict[str, dict[str, Value]] = {
         'drive.speed': 1.0,
     },
 }
-"""Scenario → dotted name → value; everything else keeps its default."""
+"""Scenario → dotted name → value in the unit of that parameter; all values are chosen."""
 
 
 def scenario_parameters(
     name: str, overrides: Mapping[str, object] | None = None
 ) -> SyntheticCameraParameters:
     """
-    Return the parameters of a scenario, with some values of one's own on top.
+    Return the parameters of a scenario, with further changes applied.
 
     Raises
     ------
     ParameterError
-        Unknown scenario, or a value that is refused.
+        The scenario is unknown, or a value is not allowed.
 
     """
     if name not in SCENARIOS:

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-From scene to numbers: lens shading, exposure, shot and read noise, clipping, quantization.
+The sensor model: vignetting, exposure, shot and read noise, clipping, quantization.
 
-    value = offset + gain · shading · scene                   (1.0 is full scale)
+    value = offset + gain · vignetting · scene                (1.0 is full scale)
     variance = value / full_well + read_noise²                 (shot noise: Poisson's variance)
     output = round(white · clip(value + √variance · n, 0, 1))
 
-The noise of a frame depends on (seed, frame index) alone, so any frame can be made again.
+The noise of a frame depends only on (seed, frame index), so every frame is reproducible.
 
 """
 
@@ -31,13 +31,14 @@ class SensorModel:
     gain : float
         Exposure: full scale per unit of scene brightness.
     offset : float
-        Black level, share of full scale.
+        Black level, fraction of full scale.
     vignetting : float
-        Share of light lost in the corners of the image (it grows with the squared radius).
+        Fraction of light lost in the image corners (the loss grows with the squared radius).
     full_well : float
-        Electrons at full scale; 0: no shot noise.
+        Electrons at full scale; 0 disables shot noise.
     read_noise : float
-        Standard deviation, share of full scale. Alone, it is the paper's white noise.
+        Standard deviation, fraction of full scale. Without shot noise it is the paper's white
+        noise.
     bits : int
         8 or 16.
 
@@ -51,7 +52,7 @@ class SensorModel:
     bits: int = 8
 
     def __post_init__(self) -> None:
-        """Refuse a depth that no image message has."""
+        """Refuse a bit depth that no image message has."""
         if self.bits not in (8, 16):
             raise ValueError(f'bits is {self.bits}; expected 8 or 16')
 
@@ -61,10 +62,10 @@ class SensorModel:
         return (1 << self.bits) - 1
 
     def expose(self, scene: Floats32) -> Floats32:
-        """Return the noiseless values of a scene (rows, cols), share of full scale."""
+        """Return the noise-free values of a scene (rows, cols), fraction of full scale."""
         light = scene * np.float32(self.gain)
         if self.vignetting:
-            light *= shading(scene.shape, self.vignetting)
+            light *= vignetting_factor(scene.shape, self.vignetting)
         return light + np.float32(self.offset)
 
     def capture(self, scene: Floats32, seed: int, frame: int) -> NDArray[np.unsignedinteger]:
@@ -93,15 +94,15 @@ class SensorModel:
         return values.astype(np.uint8 if self.bits == 8 else np.uint16)
 
     def _deviation(self, values: Floats32) -> Floats32 | np.float32:
-        """Return the standard deviation of the noise at noiseless values."""
+        """Return the standard deviation of the noise at noise-free values."""
         if not self.full_well:
             return np.float32(self.read_noise)
         shot = np.maximum(values, 0.0) * np.float32(1.0 / self.full_well)
         return np.asarray(np.sqrt(shot + np.float32(self.read_noise**2)), np.float32)
 
 
-def shading(shape: tuple[int, ...], loss: float) -> Floats32:
-    """Return 1 in the image's middle and 1 - loss in its corners, (rows, cols)."""
+def vignetting_factor(shape: tuple[int, ...], loss: float) -> Floats32:
+    """Return 1 in the image centre and 1 - loss in its corners, (rows, cols)."""
     rows, cols = shape
     y = (np.arange(rows, dtype=np.float32) - (rows - 1) / 2.0)[:, None]
     x = (np.arange(cols, dtype=np.float32) - (cols - 1) / 2.0)[None, :]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One rendered camera: world, suspension, traffic, weather and sensor, in the order of light."""
+"""A rendered camera: world, suspension, traffic, weather and sensor, applied in this order."""
 
 from __future__ import annotations
 
@@ -25,24 +25,28 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _TRAFFIC_STREAM, _WEATHER_STREAM, _BUMP_STREAM = 7002, 7003, 7004
+"""Seeds of the random streams (no unit); any numbers that no other stream uses."""
 _PLATOON = 40
-"""Frames after which other cars come into view."""
+"""Number of frames after which the cars in view are replaced; chosen."""
 _MOST_EXPOSURES = 16
+"""Largest number of rendered poses per exposure; it bounds the time of a frame; chosen."""
+_BUMP_HZ = (1.3, 0.9, 1.7)
+"""Frequencies of pitch, roll and heave of the suspension, hertz; chosen like a passenger car's."""
 
 
 @dataclass(frozen=True, eq=False)
 class Capture:
     """
-    An image and what no camera tells.
+    An image, with the facts that a real camera does not report.
 
     Attributes
     ----------
     image : (height, width) uint8 or uint16
         The camera's image.
     extrinsics : Extrinsics
-        Where the camera really was.
+        True mounting pose of the camera.
     hidden : (height, width) bool or None
-        Pixels in which cars hide the road; None without cars.
+        True where a car hides the road; None without cars.
 
     """
 
@@ -53,16 +57,16 @@ class Capture:
 
 class SyntheticCamera:
     """
-    A camera that is held over a world.
+    A camera above a world.
 
     Parameters
     ----------
     parameters : SyntheticCameraParameters
         Lens, pose, sensor and disturbances.
     world : RasterMap
-        The world as it is now.
+        The world as it is now, changes included.
     exact : bool
-        True: dense sampling, seconds per frame.
+        True: sample densely, which takes seconds per frame.
 
     """
 
@@ -77,7 +81,7 @@ class SyntheticCamera:
 
     @property
     def calibration(self) -> Calibration:
-        """The numbers that go into CameraInfo."""
+        """The calibration that CameraInfo carries."""
         return self.camera.calibration
 
     def capture(
@@ -91,11 +95,11 @@ class SyntheticCamera:
         pose : Pose2
             T_map_base in the middle of the exposure.
         frame : int
-            Index of the frame: with the seed it fixes noise and weather.
+            Index of the frame: together with the seed it determines noise and weather.
         twist : Twist2, optional
             Velocity, for motion blur; at rest if not given.
         time : float
-            Seconds since the start, for the suspension's swing.
+            Seconds since the start; determines the motion of the suspension.
 
         """
         settings = self.parameters
@@ -116,11 +120,11 @@ class SyntheticCamera:
         return Capture(image, extrinsics, hidden)
 
     def extrinsics_at(self, time: float) -> Extrinsics:
-        """Return where the swinging suspension holds the camera at a time (s)."""
+        """Return the mounting pose of the camera at a time (s), moved by the suspension."""
         swing = self.parameters.disturbance
         nominal = self.camera.extrinsics
         phases = np.random.default_rng([self.parameters.seed, _BUMP_STREAM]).uniform(0, 1, 3)
-        waves = np.sin(2.0 * math.pi * (np.array([1.3, 0.9, 1.7]) * time + phases))
+        waves = np.sin(2.0 * math.pi * (np.array(_BUMP_HZ) * time + phases))
         return replace(
             nominal,
             pitch=nominal.pitch + swing.pitch * float(waves[0]),
@@ -129,7 +133,7 @@ class SyntheticCamera:
         )
 
     def _exposures(self, pose: Pose2, twist: Twist2 | None) -> list[Pose2]:
-        """Return poses through the exposure, so near each other that the smear is smooth."""
+        """Return poses during the exposure, about half a cell apart, for smooth motion blur."""
         span = self.parameters.sensor.exposure_time
         if twist is None or span == 0.0:
             return [pose]
@@ -142,7 +146,7 @@ class SyntheticCamera:
         ]
 
     def _traffic(self, frame: int) -> list[Car]:
-        """Return the cars around the vehicle, drifting slowly; others every few seconds."""
+        """Return the cars around the vehicle; they move slowly until they are replaced."""
         platoon, age = divmod(frame, _PLATOON)
         if platoon not in self._platoons:
             rng = np.random.default_rng([self.parameters.seed, _TRAFFIC_STREAM, platoon])
@@ -160,7 +164,7 @@ class SyntheticCamera:
 
 
 def make_calibration(lens: Lens) -> Calibration:
-    """Return the numbers of the lens's CameraInfo; P equals K."""
+    """Return the calibration of a lens; P equals K."""
     K = np.array([
         [lens.focal, 0.0, (lens.width - 1) / 2.0],
         [0.0, lens.focal, (lens.height - 1) / 2.0],

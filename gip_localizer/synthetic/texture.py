@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Seeded noise textures whose grain has a size in metres, whatever the raster's resolution.
+Seeded noise textures with a grain size in metres, independent of the raster's resolution.
 
-Value noise: normal numbers on a coarse lattice, interpolated by bicubic resampling. A sum of
-octaves looks like asphalt; a threshold on one octave looks like wear.
+Value noise: normal random numbers on a coarse lattice, interpolated bicubically. A sum of octaves
+looks like asphalt; a threshold on one octave looks like wear.
 
 """
 
@@ -23,7 +23,7 @@ def value_noise(
     shape: tuple[int, int], resolution: float, scale: float, rng: np.random.Generator
 ) -> Floats32:
     """
-    Return smooth noise of about unit variance whose grain is `scale` metres.
+    Return smooth noise of unit variance with a grain size of `scale` metres.
 
     Parameters
     ----------

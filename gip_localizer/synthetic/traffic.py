@@ -3,8 +3,9 @@
 """
 Other vehicles in the view: boxes on the road, projected through the lens, with a soft shadow.
 
-They are what the map does not hold and the camera sees. Outlines are cut off in front of the
-camera and subdivided, so that a distorting lens bends them.
+They are seen by the camera and missing in the map. Outlines are clipped in front of the camera
+and subdivided, so that a distorting lens bends them. Their sizes (metres) and reflectances are
+chosen like those of passenger cars.
 
 """
 
@@ -25,13 +26,15 @@ Floats32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
 REACH = 25.0
-"""Road beyond this distance (m) does not count when the hidden share is measured."""
+"""Distance, in metres, up to which road counts for the hidden share; chosen."""
 _SHIFT = 4
+"""Fractional bits of the vertices that OpenCV draws: positions are exact to 1/16 px."""
 _NEAREST = 0.3
-"""Outlines are cut off at this depth before the camera, metres."""
+"""Depth in front of the camera, in metres, at which outlines are clipped; chosen."""
 _MOST_CARS = 12
+"""Largest number of cars in view; chosen."""
 _PIECES = 12
-"""Pieces into which an edge is divided."""
+"""Number of pieces into which an edge is divided before projection; chosen."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class Car:
     Attributes
     ----------
     pose : Pose2
-        Its middle, in the frame of the vehicle that carries the camera (base).
+        Its centre, in the base frame of the vehicle that carries the camera.
     length, width, height : float
         Metres.
     grey : float
@@ -66,7 +69,7 @@ def draw_cars(image: Floats32, camera: CameraModel, cars: Sequence[Car]) -> Bool
     image : (height, width) float32
         Scene brightness.
     camera : CameraModel
-        The camera as it is held in this frame.
+        The camera with its mounting pose in this frame.
     cars : sequence of Car
         In the base frame.
 
@@ -87,7 +90,7 @@ def draw_cars(image: Floats32, camera: CameraModel, cars: Sequence[Car]) -> Bool
 
 
 def hidden_share(camera: CameraModel, cars: Sequence[Car], reach: float = REACH) -> float:
-    """Return the share of the pixels that see road within `reach` metres which cars hide."""
+    """Return the fraction hidden by cars, of the pixels that see road within `reach` metres."""
     small = _thumbnail(camera)
     return _share(small, _road(small, reach), cars)
 
@@ -96,10 +99,10 @@ def cars_hiding(
     camera: CameraModel, share: float, rng: np.random.Generator, tries: int = 12
 ) -> list[Car]:
     """
-    Return random traffic that hides about a share of the road in view.
+    Return random traffic that hides about the given fraction of the visible road.
 
-    Cars are added ahead and in the neighbouring lanes until the share is reached; of several
-    arrangements the nearest to the share is taken.
+    Cars are added ahead and in the neighbouring lanes until the fraction is reached. Of several
+    random arrangements the one nearest to the fraction is returned.
 
     """
     small = _thumbnail(camera)
@@ -120,7 +123,7 @@ def cars_hiding(
 
 
 def _thumbnail(camera: CameraModel) -> CameraModel:
-    """Return the camera with its pixels joined to an image about 160 wide."""
+    """Return the camera with binned pixels, its image about 160 px wide."""
     join = max(1, camera.width // 160)
     x, y = camera.calibration.binning
     calibration = replace(camera.calibration, binning=(x * join, y * join))
@@ -128,7 +131,7 @@ def _thumbnail(camera: CameraModel) -> CameraModel:
 
 
 def _road(camera: CameraModel, reach: float) -> Bools:
-    """Return the pixels (height, width) that see road within some metres of base."""
+    """Return the pixels (height, width) that see road within `reach` metres of base."""
     v, u = np.mgrid[0 : camera.height, 0 : camera.width]
     xy, valid = camera.road_points(np.column_stack([u.ravel(), v.ravel()]).astype(float))
     near = np.linalg.norm(np.where(valid[:, None], xy, np.inf), axis=1) < reach
@@ -149,14 +152,14 @@ def _random_car(rng: np.random.Generator) -> Car:
 
 
 def _footprint(car: Car, swell: float, height: float) -> Floats:
-    """Return the box's outline at a height, widened by metres, (4, 3) in base."""
+    """Return the box's outline at a height, enlarged by `swell` metres, (4, 3) in base."""
     half = np.array([car.length / 2 + swell, car.width / 2 + swell])
     corners = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]) * half
     return np.column_stack([car.pose.transform(corners), np.full(4, height)])
 
 
 def _faces(car: Car, camera: CameraModel) -> list[tuple[Floats, float]]:
-    """Return the faces that look at the camera and their brightness, the farthest first."""
+    """Return the faces that the camera can see and their brightness, the farthest first."""
     low, high = _footprint(car, 0.0, 0.15), _footprint(car, 0.0, car.height)
     eye = camera.extrinsics.position()
     faces = []
@@ -173,7 +176,7 @@ def _faces(car: Car, camera: CameraModel) -> list[tuple[Floats, float]]:
 
 
 def _window(face: Floats) -> Floats:
-    """Return the pane in the upper part of a side, (4, 3)."""
+    """Return the window in the upper part of a side, (4, 3)."""
     bottom = face[[0, 1]] + 0.6 * (face[[3, 2]] - face[[0, 1]])
     top = face[[0, 1]] + 0.92 * (face[[3, 2]] - face[[0, 1]])
     inset = 0.1 * (bottom[1] - bottom[0])
@@ -183,7 +186,7 @@ def _window(face: Floats) -> Floats:
 def _fill(
     image: Floats32, camera: CameraModel, outline: Floats, value: float, alpha: float
 ) -> NDArray[np.uint8]:
-    """Blend a value over a projected outline, in place; return its coverage in 0..255."""
+    """Blend a value into a projected outline, in place; return its coverage, 0 to 255."""
     mask = np.zeros(image.shape, np.uint8)
     points = _in_front(_subdivided(outline), camera)
     if len(points) < 3:
@@ -201,7 +204,7 @@ def _fill(
 
 
 def _subdivided(outline: Floats) -> Floats:
-    """Return a closed outline (n, 3) with every edge in pieces."""
+    """Return a closed outline (n, 3) with every edge divided into `_PIECES`."""
     shares = np.arange(_PIECES)[:, None] / _PIECES
     ends = np.roll(outline, -1, axis=0)
     edges = zip(outline, ends, strict=True)
@@ -209,7 +212,7 @@ def _subdivided(outline: Floats) -> Floats:
 
 
 def _in_front(points: Floats, camera: CameraModel) -> Floats:
-    """Return the closed outline (n, 3) cut off by a plane before the camera."""
+    """Return the closed outline (n, 3), clipped at depth `_NEAREST`."""
     depth = (points - camera.extrinsics.position()) @ camera.R_base_camera[:, 2] - _NEAREST
     kept: list[Floats] = []
     for i in range(len(points)):

@@ -1,6 +1,11 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Low sun, shadows and rain, painted over the scene before the sensor sees it."""
+"""
+Low sun, shadows and rain, added to the scene before the sensor model.
+
+Their shapes are chosen to look plausible; they are not models of measured weather.
+
+"""
 
 from __future__ import annotations
 
@@ -11,21 +16,21 @@ from numpy.typing import NDArray
 Floats32 = NDArray[np.float32]
 
 SOFT_EDGE = 1.5
-"""Standard deviation (px) of what blurs the edges of shadows."""
+"""Standard deviation, in px, of the Gaussian that blurs the edges of shadows; chosen."""
 
 
 def add_glare(scene: Floats32, strength: float, bearing: float) -> None:
     """
-    Add a low sun's bloom, its streak on the road and a veil, in place.
+    Add the glare of a low sun: bloom, reflection on the road and a uniform veil, in place.
 
     Parameters
     ----------
     scene : (rows, cols) float32
         Brightness.
     strength : float
-        Brightness added in the bloom's middle.
+        Brightness added in the centre of the bloom.
     bearing : float
-        Where the sun stands, share of the image's width from its left edge.
+        Column of the sun, as a fraction of the image width from the left edge.
 
     """
     rows, cols = scene.shape
@@ -37,7 +42,7 @@ def add_glare(scene: Floats32, strength: float, bearing: float) -> None:
 
 
 def add_shadows(scene: Floats32, strength: float, rng: np.random.Generator) -> None:
-    """Take this share of the light from three strips, as of houses and poles, in place."""
+    """Darken three strips, like shadows of houses and poles, by this fraction, in place."""
     rows, cols = scene.shape
     mask = np.zeros(scene.shape, np.uint8)
     for left, wide, slant in rng.uniform((0.0, 0.05, -1.0), (1.0, 0.4, 1.0), (3, 3)) * cols:
@@ -48,7 +53,7 @@ def add_shadows(scene: Floats32, strength: float, rng: np.random.Generator) -> N
 
 
 def add_rain(scene: Floats32, strength: float, rng: np.random.Generator) -> None:
-    """Darken the wet scene and draw falling streaks (a strength of 1 is a downpour), in place."""
+    """Darken the wet scene and draw streaks of rain (strength 1 is a downpour), in place."""
     scene *= np.float32(1.0 - 0.3 * strength)
     scene += np.float32(0.08 * strength)
     rows, cols = scene.shape

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Odometry that drifts: the true steps, overstated, bent and shaken, then added up.
+Wheel odometry with drift: true steps with scale error, yaw drift and noise, then summed.
 
-Noise is a random walk in the distance driven: over s metres its variance is noise² · s, however
-often the odometry speaks. It starts at the origin of `odom`.
+The noise is a random walk over the driven distance: after s metres its variance is noise² · s,
+for any message rate. The odometry starts at the origin of `odom`.
 
 """
 
@@ -25,13 +25,13 @@ from gip_localizer.synthetic.parameters import Odometry
 Floats = NDArray[np.float64]
 
 _STREAM = 7001
-"""Sets the odometry's random numbers apart from the images'."""
+"""Seed of the odometry's random stream (no unit); any number that no other stream uses."""
 
 
 @dataclass(frozen=True, eq=False)
 class OdometryReading:
     """
-    One message of the wheels.
+    One odometry message.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ def odometry_readings(
     while (time := index / settings.rate) <= motion.duration + 1e-9:
         now = motion.pose(time)
         step = before.inverse() @ now
-        noisy, variance = _shaken(step, settings, rng)
+        noisy, variance = _measured_step(step, settings, rng)
         pose, covariance = pose @ noisy, covariance + np.diag(variance)
         twist = motion.twist(time)
         sigma = np.sqrt(variance) * settings.rate
@@ -72,16 +72,17 @@ def odometry_readings(
         index += 1
 
 
-def _shaken(
+def _measured_step(
     step: Pose2, settings: Odometry, rng: np.random.Generator
 ) -> tuple[Pose2, Floats]:
-    """Return a step as the wheels report it, and the variance (3,) of its noise."""
+    """Return a step as the odometry measures it, and the variance (3,) of its noise."""
     distance = math.hypot(step.x, step.y)
     variance = distance * np.array(
         [settings.noise_xy**2, settings.noise_xy**2, settings.noise_yaw**2]
     )
     dx, dy, dyaw = np.sqrt(variance) * rng.standard_normal(3)
-    grown = 1.0 + settings.scale_error
-    astray = settings.yaw_drift * distance + dyaw
-    bent = Pose2(0.0, 0.0, 0.5 * astray)  # half of the turn before the step, half after
-    return bent @ Pose2(step.x * grown + dx, step.y * grown + dy, step.yaw) @ bent, variance
+    scale = 1.0 + settings.scale_error
+    yaw_error = settings.yaw_drift * distance + dyaw
+    half_turn = Pose2(0.0, 0.0, 0.5 * yaw_error)  # half before the step, half after it
+    measured = Pose2(step.x * scale + dx, step.y * scale + dy, step.yaw)
+    return half_turn @ measured @ half_turn, variance

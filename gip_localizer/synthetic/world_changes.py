@@ -1,6 +1,11 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What happens to a road after it was mapped: new asphalt, litter, worn paint."""
+"""
+Changes of a road after mapping: new asphalt, litter, worn paint.
+
+Sizes (metres) and reflectances are chosen.
+
+"""
 
 from __future__ import annotations
 
@@ -27,10 +32,10 @@ def changed(world: RasterMap, share: float, *, seed: int) -> RasterMap:
     Parameters
     ----------
     world : RasterMap
-        As it was mapped.
+        The world at the time of mapping.
     share : float
-        Share of the area that changes: half of it by new asphalt, half by worn paint and
-        litter, in patches of one to four metres.
+        Fraction of the area that changes: half of it by new asphalt, half by worn paint and
+        litter, in patches with sides of 1 to 4 m.
     seed : int
         Same seed, same changes.
 
@@ -54,7 +59,7 @@ def changed(world: RasterMap, share: float, *, seed: int) -> RasterMap:
 
 
 def _spots(canvas: Canvas, share: float, rng: np.random.Generator) -> Floats32:
-    """Return the coverage of random rectangles that together cover a share of the canvas."""
+    """Return the coverage of random rectangles that together cover a fraction of the canvas."""
     width, height = canvas.size
     coverage = np.zeros(canvas.shape, np.float32)
     while float(coverage.mean()) < share:
@@ -69,7 +74,7 @@ def _spots(canvas: Canvas, share: float, rng: np.random.Generator) -> Floats32:
 
 
 def _worn(grey: Floats32, canvas: Canvas, rng: np.random.Generator) -> Floats32:
-    """Return the surface with what is brighter than its surroundings rubbed off."""
+    """Return the surface with worn paint: cells brighter than their surroundings get darker."""
     around = cv2.blur(grey, (max(3, round(2.0 / canvas.resolution)) | 1,) * 2)
     noise = value_noise(canvas.shape, canvas.resolution, 0.12, rng)
     rubbed = 0.35 + 0.6 * smooth_step(noise, -1.0, 1.0)

@@ -1,6 +1,11 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A closed two-lane road of about 60 x 40 m: straights, bends, an S-curve, paint and wear."""
+"""
+A closed two-lane road of about 60 x 40 m: straights, bends, an S-curve, paint and wear.
+
+Sizes (metres) and reflectances are chosen like those of a European city street.
+
+"""
 
 from __future__ import annotations
 
@@ -16,14 +21,14 @@ Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
 LANE = 3.5
-"""Width of a lane, metres."""
+"""Width of a lane, metres; chosen."""
 PAINT = 0.78
-"""Reflectance of road paint."""
+"""Reflectance of road paint, in [0, 1]; chosen."""
 OUTLINE = np.array([
     [0.40, 0.20], [0.84, 0.20], [0.84, 0.78], [0.68, 0.78], [0.54, 0.66], [0.42, 0.66],
     [0.28, 0.78], [0.15, 0.78], [0.15, 0.20],
 ])
-"""Corners of the centre line as shares of the world's width and height."""
+"""Corners of the centre line, as fractions of the world's width and height; chosen."""
 
 
 def centre_line(width: float, height: float) -> Path:
@@ -38,7 +43,7 @@ def road(width: float, height: float, resolution: float, *, seed: int) -> tuple[
     Parameters
     ----------
     width, height : float
-        SearchWindow, metres.
+        Size of the world, metres.
     resolution : float
         Metres per cell.
     seed : int
@@ -66,7 +71,7 @@ def road(width: float, height: float, resolution: float, *, seed: int) -> tuple[
 
 
 def _surface(canvas: Canvas, centre: Path, rng: np.random.Generator) -> Floats32:
-    """Return verge, kerb and asphalt with darker wheel tracks."""
+    """Return the surface of verge, kerb and asphalt with darker wheel tracks."""
     grey = asphalt.verge(canvas, rng)
     surface = asphalt.asphalt(canvas, rng)
     paint(grey, canvas.polygons(markings.solid_line(centre, 0.0, 2 * LANE + 1.6)), 0.42)
@@ -100,15 +105,15 @@ def _wear_and_repairs(
 def _scatter(
     centre: Path, count: float, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
-    """Return places (n, 2) spread along the road, one per stretch, and its headings (n,)."""
+    """Return random places (n, 2), one per section of the road, and the headings (n,) there."""
     number = round(count)
     stretch = centre.length / number
     arcs = stretch * (np.arange(number) + rng.uniform(0.1, 0.9, number))
-    return centre.beside(arcs, rng.uniform(-LANE, LANE, number)), centre.heading(arcs)
+    return centre.offset_positions(arcs, rng.uniform(-LANE, LANE, number)), centre.heading(arcs)
 
 
 def _paintwork(centre: Path) -> list[Floats]:
-    """Return the outlines of all paint."""
+    """Return the outlines of all road markings."""
     length = centre.length
     outlines = markings.dashed_line(centre, 0.0)
     for side in (-1.0, 1.0):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's road: painted squares of +a and -a about a mean grey, in random order."""
+"""The paper's road: painted squares of mean grey plus or minus a, in random order."""
 
 from __future__ import annotations
 
@@ -26,13 +26,14 @@ def tiles(
     """
     Return a raster of random squares, reflectance mean ± amplitude.
 
-    The first square starts in the lower-left corner. A cell that squares share holds their
-    mean by area, so any side may be asked for at any resolution.
+    The first square starts in the lower-left corner. A cell that several squares overlap holds
+    their mean by area, so every side length is possible at every resolution. The defaults of
+    amplitude and mean are chosen, the side of 0.2 m is the paper's.
 
     Parameters
     ----------
     width, height : float
-        SearchWindow, metres.
+        Size of the world, metres.
     resolution : float
         Metres per cell.
     seed : int
@@ -57,7 +58,7 @@ def tiles(
 
 
 def _shares(cells: int, squares: int, step: float) -> NDArray[np.float64]:
-    """Return the (cells, squares) share of each cell's length that lies in each square."""
+    """Return the fraction (cells, squares) of each cell's length that lies in each square."""
     low = np.arange(cells)[:, None] * step
     edges = np.arange(squares)[None, :]
     overlap = np.minimum(low + step, edges + 1.0) - np.maximum(low, edges)

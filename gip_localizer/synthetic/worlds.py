@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Worlds to drive in: the painted tiles, the road, or any map; and the map a vehicle would carry.
+Worlds to drive in (painted tiles, the road, or any map), and the localizer's map of a world.
 
-A world is finer than the localizer's map: `map_of` averages its cells by area.
+A world has smaller cells than the localizer's map: `map_of` averages them by area.
 
 """
 
@@ -26,15 +26,15 @@ from gip_localizer.synthetic.world_tiles import tiles
 Floats = NDArray[np.float64]
 
 GRID_FRAME = Pose2(0.0, 0.0, 0.0)
-"""The origin of a world whose map frame is its grid's."""
+"""Origin of a world whose map frame equals its grid frame."""
 NAMES = ('road', 'tiles')
-"""Worlds that are made; every other world is a map file."""
+"""Names of the generated worlds; every other name is a map file."""
 
 
 @dataclass(frozen=True, eq=False)
 class World:
     """
-    A place to drive.
+    A ground raster and a path to drive on it.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ def road_world(
     *, seed: int = 0, size: tuple[float, float] = (60.0, 40.0), resolution: float = 0.025,
     origin: Pose2 = GRID_FRAME,
 ) -> World:
-    """Return the closed two-lane road; the lane to drive is its right one."""
+    """Return the closed two-lane road; the path follows its right lane."""
     grey, lane = road(*size, resolution, seed=seed)
     return World(RasterMap(grey, resolution, origin), _moved(lane, origin))
 
@@ -62,13 +62,13 @@ def tiles_world(
     *, seed: int = 0, size: tuple[float, float] = (48.0, 36.0), resolution: float = 0.025,
     side: float = 0.2, amplitude: float = 0.25, origin: Pose2 = GRID_FRAME,
 ) -> World:
-    """Return the paper's painted squares, and a rounded rectangle to drive over them."""
+    """Return the paper's painted squares; the path is a rounded rectangle over them."""
     grey = tiles(*size, resolution, seed=seed, side=side, amplitude=amplitude)
     return map_world(RasterMap(grey, resolution, origin))
 
 
 def map_world(raster: RasterMap) -> World:
-    """Return any map as a world; the lane is a rounded rectangle well inside it."""
+    """Return any map as a world; the path is a rounded rectangle, a quarter inside the edges."""
     width, height = raster.size_m
     margin = 0.25 * min(width, height)
     low, high = np.array([margin, margin]), np.array([width - margin, height - margin])
@@ -78,10 +78,10 @@ def map_world(raster: RasterMap) -> World:
 
 def map_of(world: RasterMap, factor: int) -> RasterMap:
     """
-    Return the map with cells `factor` times as large, each the mean of the world's.
+    Return the map of a world: each cell is the mean of `factor` x `factor` cells of the world.
 
-    Rows at the top and columns at the right that fill no whole cell are left out; a cell holds
-    data where all of its parts do.
+    Rows at the top and columns at the right that do not fill a whole cell are left out. A cell
+    holds data if all of its parts do.
 
     Raises
     ------
@@ -107,6 +107,6 @@ def map_of(world: RasterMap, factor: int) -> RasterMap:
 
 
 def _moved(path: Path, origin: Pose2) -> Path:
-    """Return a path of the grid frame in the map frame."""
+    """Transform a path from the grid frame to the map frame."""
     return Path(np.asarray(origin.transform(path.position(path.stations)), float),
                 closed=path.closed)
