@@ -16,7 +16,7 @@ from gip_localizer.mapping.exposure import fit_exposure
 from gip_localizer.mapping.map_builder import MapBuilder
 from gip_localizer.mapping.splatting import draw
 from gip_localizer.mapping.tiles import Box, overlap, TiledSums
-from gip_localizer.mapping.vignetting import fit_shading, SeenTwice, Shading
+from gip_localizer.mapping.vignetting import CommonCells, fit_vignetting, Vignetting
 
 GRID = Grid(4.0, 2.0, 160, 160, 0.025)
 R = 0.05
@@ -124,21 +124,21 @@ def pairs(shading, count=6, noise=0.004):
         radii = rng.uniform(0.0, 0.5, 3000), rng.uniform(0.1, 0.9, 3000)
         a, b = (exposure * road / shading.lift(radius) + noise * rng.standard_normal(3000)
                 for exposure, radius in zip((1.0, gain), radii, strict=True))
-        yield SeenTwice((a, b), radii, np.ones(3000))
+        yield CommonCells((a, b), radii, np.ones(3000))
 
 
 def test_shading_is_told_by_road_seen_twice():
-    true = Shading(0.2, 0.08)
-    found = fit_shading(list(pairs(true)))
+    true = Vignetting(0.2, 0.08)
+    found = fit_vignetting(list(pairs(true)))
     at = np.array([0.3, 0.6, 0.9])
     assert found.lift(at) == pytest.approx(true.lift(at), rel=0.01)
 
 
 def test_a_lens_without_shading_and_no_pairs_lift_nothing():
-    found = fit_shading(list(pairs(Shading())))
+    found = fit_vignetting(list(pairs(Vignetting())))
     assert found.lift(np.array(0.9)) == pytest.approx(1.0, abs=0.01)
-    assert fit_shading([]) == Shading()
-    assert fit_shading(list(pairs(Shading(50.0, 0.0)))) == Shading()
+    assert fit_vignetting([]) == Vignetting()
+    assert fit_vignetting(list(pairs(Vignetting(50.0, 0.0)))) == Vignetting()
 
 
 def test_frames_of_another_exposure_give_one_map_of_honest_noise():

@@ -141,7 +141,7 @@ def _tell(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None:
     assert noise is not None
     low_x, low_y, high_x, high_y = raster_map.bounds
     gains = [exposure.gain for exposure in drive.builder.exposures]
-    corner = float(drive.camera.shading.lift(np.array(1.0)))
+    corner = float(drive.camera.vignetting.lift(np.array(1.0)))
     told = np.median(scaled(noise[valid]))
     rows = [
         Row('frames used', str(drive.builder.frames), ''),

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a camera's pose in the vehicle makes lane lines of a bag come out parallel."""
+"""Check a camera's mounting pose: lane lines of a bag must be parallel in bird's-eye views."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from gip_localizer.visualization.style import ESTIMATE, STYLE, WRONG
 
 @dataclass(frozen=True, eq=False)
 class CheckedFrame:
-    """One frame: its image, view, lines, and the pitch they ask for."""
+    """One frame: image, view, lane lines, and the pitch error (rad) estimated from them."""
 
     image: Grey
     view: View
@@ -40,20 +40,20 @@ class CheckedFrame:
 @dataclass(frozen=True, eq=False)
 class CalibrationCheck:
     """
-    The frames of a bag.
+    Result of the check for the frames of a bag.
 
     Attributes
     ----------
     camera : CameraModel
-        With the pose that is checked.
+        Camera with the mounting pose that is checked.
     frames : int
-        Frames looked at.
+        Number of examined frames.
     refused : list of str
-        Why others could not be.
+        Reasons why other frames could not be used.
     excesses : (n,) float64
-        Pitch too much, rad, of each frame with two straight lines.
+        Assumed minus estimated pitch, rad, of each frame with two straight lines.
     example : CheckedFrame
-        The frame with most lines.
+        The frame with the most lines.
 
     """
 
@@ -65,12 +65,12 @@ class CalibrationCheck:
 
     @property
     def excess(self) -> float:
-        """Median over the frames, rad; NaN without any."""
+        """Median pitch excess over the frames, rad; NaN without frames."""
         return float(np.median(self.excesses)) if len(self.excesses) else math.nan
 
     @property
     def error(self) -> float:
-        """Standard error of the median, from the spread between frames, rad."""
+        """Standard error of the median, rad, from the scatter between frames."""
         if len(self.excesses) < 2:
             return math.nan
         spread = 1.4826 * np.median(np.abs(self.excesses - self.excess))
@@ -81,21 +81,21 @@ def check_calibration(
     bag: Bag, topics: Topics, parameters: Parameters, most: int
 ) -> CalibrationCheck:
     """
-    Look for lane lines in frames of a bag.
+    Detect lane lines in frames of a bag.
 
     Parameters
     ----------
     bag, topics : Bag, Topics
-        Image and camera_info are read.
+        Topics image and camera_info are read.
     parameters : Parameters
-        `camera.*` and `birdseye.*`.
+        `camera.*` and `birdseye.*` are used.
     most : int
-        Largest number of frames, spread over the bag.
+        Largest number of frames, spread evenly over the bag.
 
     Raises
     ------
     GipError
-        Nothing can be read, or the view sees no road.
+        No image can be read, or the view sees no road.
 
     """
     recorded, at = recorded_camera(bag, topics, parameters), parameters.camera
@@ -124,15 +124,15 @@ def check_calibration(
         why = f': {refused[0]}' if refused else ''
         raise BagError(f'no image of {topics.image.name} can be used{why}')
     excesses = np.array([f.excess for f in frames if f.excess is not None], float)
-    return CalibrationCheck(camera, len(frames), refused, excesses, max(frames, key=_worth))
+    return CalibrationCheck(camera, len(frames), refused, excesses, max(frames, key=_usefulness))
 
 
-def _worth(frame: CheckedFrame) -> tuple[bool, int]:
+def _usefulness(frame: CheckedFrame) -> tuple[bool, int]:
     return frame.excess is not None, len(frame.lines)
 
 
 def check_picture(check: CalibrationCheck, kind: str) -> bytes:
-    """Draw the grid of the road over the frame, and the lines in the view; `kind`: png or svg."""
+    """Draw the road grid over the frame, and the lane lines in the view; `kind`: png or svg."""
     with rc_context({**STYLE, 'axes.grid': False}):
         figure = Figure(figsize=(10.4, 4.4))
         panels = figure.subplots(1, 2, width_ratios=(1.8, 1.0))
@@ -154,7 +154,7 @@ def _draw_grid(axes: Axes, check: CalibrationCheck) -> None:
         _draw_road_line(axes, check.camera, np.column_stack([np.full(100, x), across]))
     height, width = check.example.image.shape
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xticks=[], yticks=[])
-    axes.set_title('the road as the calibration sees it: squares of 1 m')
+    axes.set_title('road plane of this calibration: squares of 1 m')
 
 
 def _draw_road_line(axes: Axes, camera: CameraModel, points: Floats) -> None:

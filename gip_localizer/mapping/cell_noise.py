@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How far the grey of a map's cells may be off, told by the sums that the map is made of."""
+"""Standard deviation of the grey of map cells, estimated from the sums that form the map."""
 
 from __future__ import annotations
 
@@ -12,17 +12,25 @@ from gip_localizer.core.birdseye.rectifier import View
 
 KINDS = 5
 G, GV, GVV, GG, GS = range(KINDS)
-"""Sums over frames: weight, times grey, times grey², weight², weight times spill."""
-PRIOR_FRAMES = 4.0  # frames that the disagreement all over the map counts for in each cell
-SUBCELL = 4.0  # contrast across a side over that of the cells beside it, squared (measured)
+"""Indices of the sums over frames: G, G·grey, G·grey², G² and G·spill, with the weight G."""
+PRIOR_FRAMES = 4.0
+"""Number of frames for which the scatter of the whole map counts in each cell; chosen."""
+SUBCELL = 4.0
+"""
+Squared ratio (no unit) of the contrast across a side of a cell to that of neighbouring cells.
+
+From a measurement on rendered roads, which no command in the tree repeats.
+
+"""
 
 
 def spill(view: View, resolution: float) -> Floats:
     """
-    Share (rows, cols) of a map cell's grey that comes from beyond each of its four sides.
+    Fraction (rows, cols) of a map cell's grey that comes from across each of its four sides.
 
-    A point of road lands off its place by the width of a view cell, twice (cut and drawn), and
-    of a pixel: with the standard deviation s in all, `E|x|/2 = 0.4 s` crosses a side.
+    The position of a road point in the map has three uniform errors: the width of a view cell,
+    twice (cutting and drawing), and the width of a pixel. With their total standard deviation s,
+    `E|x|/2 = 0.4 s` crosses a side.
 
     """
     pixel_sq = view.grid.resolution**2 / np.maximum(view.footprint, 1e-6)  # m² of road
@@ -33,10 +41,11 @@ def cell_noise(sums: Floats, valid: Bools) -> Floats:
     """
     Standard deviation of each cell's grey.
 
-    - Between frames: `Σ G (v - mean)² / (n - 1)` over `Σ G`, n the effective number of frames
-      (Σ G)²/Σ G². Few frames tell a variance badly, so what all cells say counts for some frames
-      more. Never below what pixel noise alone leaves, `1/√Σ G`.
-    - In all frames alike: what spills over from the cells beside.
+    - Different between frames: `Σ G (v - mean)² / (n - 1)` over `Σ G`, with the effective number
+      of frames n = (Σ G)²/Σ G². Few frames give a poor estimate of a variance, so the scatter of
+      the whole map counts as `PRIOR_FRAMES` more. The result is never below that of pixel noise
+      alone, `1/√Σ G`.
+    - Equal in all frames: grey that spills over from the neighbouring cells.
 
     """
     total = np.maximum(sums[G], 1e-30)
@@ -50,7 +59,7 @@ def cell_noise(sums: Floats, valid: Bools) -> Floats:
 
 
 def _contrast_sq(grey: Floats, valid: Bools) -> Floats:
-    """Sum (rows, cols) of squared differences to the four cells beside, as usual around there."""
+    """Sum (rows, cols) of squared differences to the four neighbours, at least the local mean."""
     sums = np.zeros_like(grey)
     for axis in (0, 1):
         step = np.diff(grey, axis=axis)**2

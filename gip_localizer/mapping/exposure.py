@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Gain and offset of a frame against what the map already holds."""
+"""Gain and offset of a frame relative to the map as built so far."""
 
 from __future__ import annotations
 
@@ -12,15 +12,21 @@ import numpy as np
 from gip_localizer.core.arrays import Bools, Floats, median
 
 LEAST_CELLS = 20
-LEAST_CORRELATION = 0.5  # squared; below, the road has too little contrast to tell a gain
-CONTRAST = 0.02  # of a gain told by contrast: its error where all else fits
-BLACK = 0.05  # grey that cameras and stray light usually add
+"""Least number of common cells (or blocks) for a fit; chosen."""
+LEAST_CORRELATION = 0.5
+"""Least squared correlation for a gain from contrast; below it, contrast is too low; chosen."""
+CONTRAST = 0.02
+"""Relative error of a gain from contrast when frame and map agree; chosen."""
+BLACK = 0.05
+"""Grey, of [0, 1], that black level and stray light typically add to a frame; chosen."""
 PASSES = 5
-OUTLIER = 3.0  # robust standard deviations
+"""Number of iterations of the robust fit; chosen."""
+OUTLIER = 3.0
+"""Residual, in robust standard deviations, from which a cell is an outlier; chosen."""
 
 
 class Exposure(NamedTuple):
-    """A frame shows `gain · map + offset`, grey levels of [0, 1]."""
+    """Exposure of a frame: its grey is `gain · map + offset`, in [0, 1]."""
 
     gain: float = 1.0
     offset: float = 0.0
@@ -30,25 +36,25 @@ def fit_exposure(
     value: Floats, reference: Floats, noise_sq: tuple[Floats, Floats]
 ) -> Exposure | None:
     """
-    Fit a line through cells that both know, errors in both (Deming), outliers left out.
+    Fit a line through common cells, with errors in both variables (Deming) and without outliers.
 
-    An ordinary fit would take the noise of the map for contrast and find every gain too small.
-    Where frame and map lie askew (the vehicle pitches), the map has less contrast than any frame,
-    and gains told by contrast would grow from frame to frame. So the ratio of brightness tells a
-    gain too, good to what black level and stray light may add, and counts the more the worse
-    frame and map agree.
+    An ordinary least-squares fit would treat the noise of the map as contrast and underestimate
+    every gain. Where frame and map are misaligned (the vehicle pitches), the map has less
+    contrast than any frame, and gains from contrast would grow from frame to frame. Therefore the
+    ratio of mean brightness gives a second estimate of the gain, whose error is what black level
+    and stray light add. The worse frame and map agree, the larger is its weight.
 
     Parameters
     ----------
     value, reference : (n,) float64
         Grey of the frame and of the map.
     noise_sq : two of (n,) float64
-        Their variances.
+        Variances of both.
 
     Returns
     -------
     Exposure or None
-        None: too few cells.
+        None if there are too few cells.
 
     """
     if len(value) < LEAST_CELLS:
@@ -65,10 +71,10 @@ def fit_exposure(
 
 
 def _line(value: Floats, reference: Floats, noise_sq: tuple[Floats, Floats],
-          trust: tuple[float, Bools]) -> Exposure:
-    """Weighted Deming fit; both err by some variance beyond their noise."""
-    beyond, kept = trust
-    share = 1.0 / (noise_sq[0][kept] + noise_sq[1][kept])  # near, sharp views decide
+          extra: tuple[float, Bools]) -> Exposure:
+    """Weighted Deming fit; both variables have an additional variance beyond their noise."""
+    beyond, kept = extra
+    share = 1.0 / (noise_sq[0][kept] + noise_sq[1][kept])  # the nearer, sharper view dominates
     share /= share.sum()
     mean_v, mean_m, in_v, in_m = (
         float(share @ part[kept]) for part in (value, reference, *noise_sq)
@@ -81,8 +87,8 @@ def _line(value: Floats, reference: Floats, noise_sq: tuple[Floats, Floats],
     ratio = (in_v + beyond) / max(in_m + beyond, 1e-30)
     excess = vv - ratio * mm
     gain = (excess + math.sqrt(excess**2 + 4.0 * ratio * vm**2)) / (2.0 * vm)
-    askew = max(float(share @ (v - gain * m)**2) - in_v - gain**2 * in_m, 0.0) / vv
-    by_contrast, by_brightness = CONTRAST + askew, BLACK / max(mean_m, 1e-3)
+    misfit = max(float(share @ (v - gain * m)**2) - in_v - gain**2 * in_m, 0.0) / vv
+    by_contrast, by_brightness = CONTRAST + misfit, BLACK / max(mean_m, 1e-3)
     part = by_brightness**2 / (by_brightness**2 + by_contrast**2)
     gain = part * gain + (1.0 - part) * bright
     return Exposure(gain, mean_v - gain * mean_m)

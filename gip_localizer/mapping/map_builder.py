@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A map from views whose poses are known: maximal ratio combining, the paper's weights once more.
+Build a map from views with known poses by maximal ratio combining with the paper's weights.
 
-The best estimate of a cell that was seen many times is `Σ G v / Σ G`; near views have large
-footprints, so they count most. How far the frames disagree about a cell tells its noise.
+The best estimate of a cell that was seen several times is `Σ G v / Σ G`. Near views have large
+footprints and therefore large weights. The scatter between frames gives the noise of a cell.
 
 """
 
@@ -24,14 +24,17 @@ from gip_localizer.mapping.exposure import Exposure, fit_exposure
 from gip_localizer.mapping.splatting import draw, Drawn
 from gip_localizer.mapping.tiles import Box, TiledSums
 
-LEAST_WEIGHT = 400.0  # of a cell: one whose grey is not known to 0.05 is left out
-BLOCK_SIDES = (6, 3, 1)  # cells a side of the blocks on which exposures are compared, at best
+LEAST_WEIGHT = 400.0
+"""Least weight of a cell, 1/grey²: 1/0.05², so that its grey is known to 0.05; chosen."""
+BLOCK_SIDES = (6, 3, 1)
+"""Cells per side of the blocks for comparing exposures, in order of preference; chosen."""
 FULL = 65535.0
+"""Full scale of the grey of a map with 16 bits: 2^16 - 1."""
 
 
 class MapBuilder:
     """
-    Adds views up to a map whose grid lies along the axes of the poses' frame.
+    Accumulates views in a map whose grid is aligned with the frame of the poses.
 
     Parameters
     ----------
@@ -51,27 +54,27 @@ class MapBuilder:
         """
         Add a frame.
 
-        The first frame's exposure is the map's; every other is fitted to what the map holds. A
-        frame that overlaps nothing takes the last one's.
+        The map has the exposure of the first frame. The exposure of each further frame is fitted
+        to the map. A frame that does not overlap the map takes the exposure of the last frame.
 
         Parameters
         ----------
         view : View
-            On cells of at most the map's size.
+            View whose cells are not larger than those of the map.
         weight : (rows, cols) float32
-            Its Gramian, 1/grey²; 0: not looked at.
+            Gramian of the view, 1/grey²; 0 excludes a cell.
         T_map_base : Pose2
             Pose of the vehicle.
 
         Returns
         -------
         bool
-            False where no cell of the map is covered, and nothing is added.
+            False if the view covers no cell of the map; nothing is added then.
 
         Raises
         ------
         MapError
-            The map grows beyond what memory allows.
+            The map would become too large for the memory.
 
         """
         layers = (view.patch, spill(view, self.resolution))
@@ -100,7 +103,7 @@ class MapBuilder:
 
     def map(self) -> RasterMap:
         """
-        Return the map: 16 bit grey, cells without enough weight not valid, noise of each cell.
+        Return the map: 16-bit grey and noise of each cell; cells of enough weight are valid.
 
         Raises
         ------
@@ -123,9 +126,9 @@ class MapBuilder:
         grey = np.where(valid, sums[GV] / np.maximum(sums[G], 1e-30), 0.0)
         noise = np.where(valid, cell_noise(sums, valid), 1.0)
         return RasterMap(
-            _deep(grey[::-1], np.round), self.resolution,
+            _to_16_bits(grey[::-1], np.round), self.resolution,
             Pose2(corner.col * self.resolution, corner.row * self.resolution, 0.0),
-            np.ascontiguousarray(valid[::-1]), _deep(noise[::-1], np.ceil),
+            np.ascontiguousarray(valid[::-1]), _to_16_bits(noise[::-1], np.ceil),
         )
 
 
@@ -133,10 +136,10 @@ def downsampled_both(
     drawn: Drawn, held: Floats, side: int
 ) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
     """
-    Return frame and map on blocks of cells that both know, (n,) each, and their variances.
+    Return block means of frame and map where both hold data, (n,) each, and their variances.
 
-    Far views are blurred, so that cell by cell each frame would show more contrast than the map
-    that others saw from afar; on blocks both show the same.
+    Distant views are blurred. Compared cell by cell, a near view has more contrast than a map
+    that was built from distant views; compared by blocks, both have the same contrast.
 
     """
     rows, cols = (length // side * side for length in drawn.box[2:])
@@ -149,15 +152,15 @@ def downsampled_both(
     def block(cells: Floats) -> Floats:
         return np.asarray(cells.reshape(rows // side, side, cols // side, side).sum(axis=(1, 3)))
 
-    whole = block(both.astype(float)) >= side**2
-    shares = block(share)[whole]
+    full = block(both.astype(float)) >= side**2
+    shares = block(share)[full]
     frame, reference = (
-        block(share * cells)[whole] / shares for cells in (value, sums / safe_total)
+        block(share * cells)[full] / shares for cells in (value, sums / safe_total)
     )
-    noise_sq = [block(share**2 / cells)[whole] / shares**2 for cells in (safe, safe_total)]
+    noise_sq = [block(share**2 / cells)[full] / shares**2 for cells in (safe, safe_total)]
     return frame, reference, (noise_sq[0], noise_sq[1])
 
 
-def _deep(values: Floats, rounding: Callable[[Floats], Floats]) -> Floats:
-    """Return values of [0, 1] at 16 bits."""
+def _to_16_bits(values: Floats, rounding: Callable[[Floats], Floats]) -> Floats:
+    """Return values of [0, 1] as 16-bit integers."""
     return np.ascontiguousarray(rounding(np.clip(values, 0.0, 1.0) * FULL)).astype(np.uint16)

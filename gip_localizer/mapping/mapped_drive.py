@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded drive whose poses are known → a map: frame by frame, without a localizer."""
+"""Build a map from a recorded drive with known poses, frame by frame, without a localizer."""
 
 from __future__ import annotations
 
@@ -23,44 +23,48 @@ from gip_localizer.mapping.settings import MapSettings
 from gip_localizer.mapping.splatting import draw, Drawn
 from gip_localizer.mapping.survey_camera import SurveyCamera
 from gip_localizer.mapping.tiles import overlap
-from gip_localizer.mapping.vignetting import fit_shading, SeenTwice
+from gip_localizer.mapping.vignetting import CommonCells, fit_vignetting
 from gip_localizer.parameters import Parameters
 
 LEAST_TURN = math.radians(0.5)
-PAIRS = 24  # of frames, spread over the drive, that tell the shading
-PAIR_DISTANCE = 0.3  # views between the two
-MISMATCH_SQ = 1e-3  # grey², by which cells of two frames differ beyond noise
-NO_POSE, NO_IMAGE, STOOD = 'without a pose', 'unreadable', 'hardly moved'
+"""Least rotation between two mapped frames, rad, if the vehicle hardly moves; chosen."""
+PAIRS = 24
+"""Number of frame pairs, spread over the drive, for estimating the vignetting; chosen."""
+PAIR_DISTANCE = 0.3
+"""Distance between the two frames of a pair, as a fraction of the view's length; chosen."""
+MISMATCH_SQ = 1e-3
+"""Variance, in grey², by which cells of two frames differ beyond their noise; chosen."""
+NO_POSE, NO_IMAGE, STATIONARY = 'without a pose', 'unreadable', 'hardly moved'
 NO_CELL = 'cover no cell'
 
 
 class _UnusedError(Exception):
-    """A frame that is not used: kind, and what was found."""
+    """A frame that is not used; its arguments are the kind of reason and a detail."""
 
 
 class MappedDrive:
     """
-    A bag on its way to a map.
+    The construction of a map from a bag.
 
     Parameters
     ----------
     bag, topics : Bag, Topics
-        Image and camera_info are read.
+        Topics image and camera_info are read.
     parameters : Parameters
-        As SurveyCamera takes (and refuses) them.
+        Parameters for SurveyCamera.
     poses : Trajectory
-        Of base_link in the map frame.
+        Poses of base_link in the map frame.
     settings : MapSettings
-        How.
+        Resolution, selection of frames and part of the bag.
 
     Attributes
     ----------
     builder, camera : MapBuilder, SurveyCamera
-        The map as far as it went, and with which shading.
+        The map as built so far, and the camera with its estimated vignetting.
     frames : int
-        Frames looked at.
+        Number of examined frames.
     skipped, first : Counter, dict
-        Kind → frames that were not used, and what was found the first time.
+        Kind of reason → number of unused frames, and the detail of the first one.
 
     """
 
@@ -76,20 +80,20 @@ class MappedDrive:
 
     def run(self, on_frame: Callable[[], object]) -> RasterMap:
         """
-        Read the bag, twice, and return the map.
+        Read the bag twice, first for the vignetting, and return the map.
 
         Parameters
         ----------
         on_frame : callable
-            Told of each frame.
+            Called after each frame.
 
         Raises
         ------
         GipError
-            No frame could be used, or the map grows too large.
+            No frame can be used, or the map would become too large.
 
         """
-        self.camera.shading = fit_shading(list(self._pairs()))
+        self.camera.vignetting = fit_vignetting(list(self._pairs()))
         last: Pose2 | None = None
         for message in self._messages():
             self.frames += 1
@@ -114,7 +118,7 @@ class MappedDrive:
         """Add a frame and return its pose."""
         pose = self._pose(message)
         if last is not None and not self._moved(last, pose):
-            raise _UnusedError(STOOD, _when(message))
+            raise _UnusedError(STATIONARY, _when(message))
         try:
             image = self.camera.image(message)
         except ImageError as error:
@@ -137,8 +141,8 @@ class MappedDrive:
         x, y, yaw = difference(pose, last)
         return math.hypot(x, y) >= self._settings.resolution or abs(yaw) >= LEAST_TURN
 
-    def _pairs(self) -> Iterator[SeenTwice]:
-        """Yield what pairs of frames saw both, about `PAIRS` of them."""
+    def _pairs(self) -> Iterator[CommonCells]:
+        """Yield the common cells of about `PAIRS` pairs of frames."""
         share = self._settings.window.share(self._bag) / self._settings.every
         count = self._topics.image.messages * share
         step, start = max(int(count / PAIRS), 1), 0
@@ -157,34 +161,34 @@ class MappedDrive:
             if begun is None:
                 begun, start = (pose, drawn), number + step
             else:
-                yield _seen_twice(begun[1], drawn)
+                yield _common_cells(begun[1], drawn)
                 begun = None
 
     def _drawn(self, message: Any, pose: Pose2) -> Drawn:
-        """Draw a frame: its grey, and the squared radii in its image."""
+        """Draw a frame on map cells: its grey, and the squared radii in its image."""
         view, weight = self.camera.view(self.camera.image(message))
         layers = (view.patch, self.camera.radius_sq)
         return draw(layers, weight, view.grid, pose, self._settings.resolution)
 
     def _nothing_used(self) -> GipError:
-        """Return what is to be said where no frame was used."""
+        """Return the error for a drive without any used frame."""
         name = self._topics.image.name
         if self.frames == 0:
-            return BagError(f'no image of {name} lies in the part of the bag asked for; see '
+            return BagError(f'no image of {name} lies in the selected part of the bag; see '
                             '--start and --duration')
         if self.skipped[NO_POSE]:
             span = self._poses.stamps_ns[[0, -1]] * 1e-9
             return TrajectoryError(
-                f'no pose for any image: the poses are of {span[0]:.3f} to {span[1]:.3f} s, the '
-                f'first image without one {self.first[NO_POSE]}; expected stamps of one clock, '
-                f'no more than {self._settings.max_gap_s:g} s apart (--max-gap)'
+                f'no pose for any image: the poses are from {span[0]:.3f} to {span[1]:.3f} s, the '
+                f'first image without one {self.first[NO_POSE]}; expected stamps of one clock '
+                f'that are at most {self._settings.max_gap_s:g} s apart (--max-gap)'
             )
         kind = next(iter(self.skipped))
         return BagError(f'none of {self.frames} images of {name} can be used, the first is '
                         f'{kind}: {self.first[kind]}')
 
 
-def _seen_twice(one: Drawn, other: Drawn) -> SeenTwice:
+def _common_cells(one: Drawn, other: Drawn) -> CommonCells:
     here, there = overlap(one.box, other.box)
     weights = one.weight[here], other.weight[there]
     both = (weights[0] > 0.0) & (weights[1] > 0.0)
@@ -193,7 +197,7 @@ def _seen_twice(one: Drawn, other: Drawn) -> SeenTwice:
         drawn.layers[(slice(None), *part)][:, both]
         for drawn, part in ((one, here), (other, there))
     )
-    return SeenTwice((value, later), (radius_sq, later_radius_sq), weight)
+    return CommonCells((value, later), (radius_sq, later_radius_sq), weight)
 
 
 def _when(message: Any) -> str:

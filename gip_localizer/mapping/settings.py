@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How `gip map` maps a drive."""
+"""Settings of `gip map`."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from gip_localizer.io.bags.window import BagWindow
 @dataclass(frozen=True)
 class MapSettings:
     """
-    How a drive is mapped.
+    Settings for building a map from a drive.
 
     Attributes
     ----------
     resolution : float
         Side of a map cell, metres.
     every : int
-        Of so many frames one is used.
+        Every how many frames one is used.
     max_gap_s : float
-        Longest time between two poses that is bridged.
+        Longest time, in seconds, between two poses that are interpolated; the default is chosen.
     window : BagWindow
         Part of the bag.
 
@@ -34,7 +34,7 @@ class MapSettings:
     window: BagWindow = field(default_factory=BagWindow)
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be (raises ParameterError)."""
+        """Refuse impossible values (raises ParameterError)."""
         if not 0.002 <= self.resolution <= 2.0:
             raise ParameterError(
                 f'--resolution {self.resolution}: expected metres per cell from 0.002 to 2'

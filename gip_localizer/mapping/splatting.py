@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A bird's-eye view drawn onto the cells of a map: every view cell spread over those it covers."""
+"""Draw a bird's-eye view on map cells: each view cell is spread over the cells it covers."""
 
 from __future__ import annotations
 
@@ -14,22 +14,23 @@ from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.pose import Pose2
 from gip_localizer.mapping.tiles import Box
 
-COVERED = 0.6  # least share of a map cell that a view must cover; turned squares miss some of it
+COVERED = 0.6
+"""Least fraction of a map cell that a view must cover; chosen, since rotated views leave gaps."""
 
 
 class Drawn(NamedTuple):
     """
-    What one frame says of map cells.
+    The values of one frame on map cells.
 
     Attributes
     ----------
     box : Box
-        Where.
+        The cells.
     weight : (rows, cols) float64
-        Sum of the weights of the view cells on each map cell, row 0 at the least y; 0 where the
-        view does not cover it.
+        Sum of the weights of the view cells on each map cell, row 0 at the smallest y; 0 where
+        the view does not cover the cell.
     layers : (k, rows, cols) float64
-        Weighted means of what was drawn.
+        Weighted means of the drawn layers.
 
     """
 
@@ -42,20 +43,20 @@ def draw(
     layers: Sequence[Floats], weight: Floats, grid: Grid, T_map_base: Pose2, resolution: float
 ) -> Drawn:
     """
-    Draw what a view tells at its pose.
+    Draw the layers of a view at its pose.
 
-    A view cell counts as a square along the map's axes, and each map cell takes the share that
-    lies on it: edges widen by a view cell at most, and nothing is drawn to one side, whatever
-    the phase of the two grids.
+    A view cell counts as a square along the map's axes, and each map cell receives the part that
+    lies on it. Edges are blurred by at most one view cell, and nothing is shifted to one side,
+    for any offset of the two grids.
 
     Parameters
     ----------
     layers : k of (rows, cols) float32 or float64
-        Numbers of the view's cells.
+        Values of the view's cells.
     weight : (rows, cols) float32
-        Weight of each view cell; 0: not looked at.
+        Weight of each view cell; 0 excludes it.
     grid : Grid
-        The view's cells in base, no larger than the map's; better half of it.
+        The view's cells in the base frame, not larger than the map's; best half their size.
     T_map_base : Pose2
         Pose of the vehicle.
     resolution : float
@@ -68,7 +69,7 @@ def draw(
     side = grid.resolution / resolution
     low = T_map_base.transform(grid.points()[seen]) / resolution - 0.5 * side
     first = np.floor(low).astype(np.int64)
-    over = np.clip(low + side - first - 1.0, 0.0, side) / side  # share on the next cell
+    over = np.clip(low + side - first - 1.0, 0.0, side) / side  # fraction on the next cell
     (col, row), (right, up) = first.T, over.T
     box = Box(int(row.min()), int(col.min()), int(np.ptp(row)) + 2, int(np.ptp(col)) + 2)
     start = (row - box.row) * box.cols + (col - box.col)

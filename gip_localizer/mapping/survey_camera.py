@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded camera as a map needs it: images → views and their weights, shading taken out."""
+"""The camera of a bag for mapping: images to views and weights, corrected for vignetting."""
 
 from __future__ import annotations
 
@@ -20,40 +20,43 @@ from gip_localizer.io.bags.camera import recorded_camera
 from gip_localizer.io.bags.topics import IMAGES, Topics
 from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.map_files import load_mask
-from gip_localizer.mapping.vignetting import Shading
+from gip_localizer.mapping.vignetting import Vignetting
 from gip_localizer.parameters import Parameters
 from gip_localizer.session.masks import fitting
 
-FINER = 2  # view cells along a map cell, so that edges stay sharp
-LONGEST_PIXEL = 2.0  # map cells that a pixel may span on the road; longer ones blur the map
-STEP = 1e-3  # m, of differences
+FINER = 2
+"""View cells along a side of a map cell, which keeps edges sharp; chosen."""
+LONGEST_PIXEL = 2.0
+"""Largest footprint length of a pixel, in map cells; longer ones blur the map; chosen."""
+STEP = 1e-3
+"""Step of numerical derivatives, metres; chosen."""
 
 
 class SurveyCamera:
     """
-    The camera of a bag.
+    The camera of a bag, for mapping.
 
     Parameters
     ----------
     bag, topics : Bag, Topics
-        The first camera_info that can be read is taken.
+        The first readable camera_info is used.
     parameters : Parameters
         `camera.*`, `birdseye.*`, `mask_file` and `score.pixel_noise`.
     resolution : float
-        Side of a map cell, metres; views have smaller cells.
+        Side of a map cell, metres; views have cells of half this size.
 
     Attributes
     ----------
-    shading : Shading
-        Taken out of every view; none at first.
+    vignetting : Vignetting
+        Correction applied to every view; none at first.
     radius_sq : (rows, cols) float64
-        Squared distance of the view's cells from the principal point in the image, 1 half a
-        diagonal away.
+        Squared distance of the view's cells from the principal point in the image, in units of
+        half the image diagonal.
 
     Raises
     ------
     GipError
-        No camera_info can be used, the view sees no road, or the mask cannot be read.
+        There is no usable camera_info, the view sees no road, or the mask cannot be read.
 
     """
 
@@ -66,19 +69,19 @@ class SurveyCamera:
         finer = parameters.replace({'birdseye.resolution': resolution / FINER}).birdseye
         self._rectifier = Rectifier(self._camera, finer)
         longest = LONGEST_PIXEL * resolution
-        self._looked_at = self._rectifier.valid & sharp(self._camera, self._rectifier, longest)
-        if not self._looked_at.any():
+        self._used = self._rectifier.valid & sharp(self._camera, self._rectifier, longest)
+        if not self._used.any():
             raise CalibrationError(
-                f'pixels span more than {longest:g} m of road all over the view; take a coarser '
+                f'every pixel of the view spans more than {longest:g} m of road; choose a coarser '
                 '--resolution or a nearer birdseye.near'
             )
-        self.shading = Shading()
+        self.vignetting = Vignetting()
         self.radius_sq = _radius_sq(self._camera, self._rectifier)
 
     @property
     def length(self) -> float:
-        """Length of the view ahead that is looked at, metres."""
-        rows = np.flatnonzero(self._looked_at.any(axis=1))
+        """Length of the used part of the view, metres ahead."""
+        rows = np.flatnonzero(self._used.any(axis=1))
         return float(rows[-1] - rows[0] + 1) * self._rectifier.grid.resolution
 
     def image(self, message: Any) -> Grey:
@@ -94,18 +97,18 @@ class SurveyCamera:
         return image
 
     def view(self, image: Grey) -> tuple[View, Floats]:
-        """Return the view of an image, shading taken out, and the weights (rows, cols)."""
+        """Return the view of an image, corrected for vignetting, and its weights (rows, cols)."""
         view = self._rectifier.rectify(image)
         noise = self._noise or estimate_pixel_noise(image)
-        weight = gramian(view.footprint, pixel_noise=noise, map_noise=0.0) * self._looked_at
+        weight = gramian(view.footprint, pixel_noise=noise, map_noise=0.0) * self._used
         if self._mask is not None:
             weight = weight * self._rectifier.unmasked(self._mask)
-        lift = self.shading.lift(self.radius_sq).astype(np.float32)
+        lift = self.vignetting.lift(self.radius_sq).astype(np.float32)
         return replace(view, patch=view.patch * lift), weight / lift**2
 
 
 def sharp(camera: CameraModel, rectifier: Rectifier, longest: float) -> Bools:
-    """Tell which view cells (rows, cols) lie under pixels no longer than `longest` metres."""
+    """Return True for view cells (rows, cols) whose pixels are at most `longest` metres long."""
     points = rectifier.grid.points()
     per_metre = [
         (camera.project(points + shift)[0] - camera.project(points - shift)[0]) / (2.0 * STEP)

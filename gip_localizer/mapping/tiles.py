@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Sums over the cells of a plane that grows with the drive: tiles where something was seen.
+Sums over the cells of a map that grows with the drive, in tiles that are made when needed.
 
-Cells are numbered from the origin of the map frame: column i holds x from i·r to (i + 1)·r, row j
-holds y from j·r to (j + 1)·r, r the side of a cell.
+Cells are numbered from the origin of the map frame: column i covers x from i·r to (i + 1)·r and
+row j covers y from j·r to (j + 1)·r, where r is the side of a cell.
 
 """
 
@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 from gip_localizer.errors import MapError
 
 TILE = 128
-MOST_CELLS = 2**25  # of the picture: 290 x 290 m of 5 cm, for which some GB are needed at last
+"""Cells along a side of a tile; chosen."""
+MOST_CELLS = 2**25
+"""Largest number of cells of a map (290 x 290 m at 5 cm); it bounds the memory; chosen."""
 
 
 class Box(NamedTuple):
-    """A rectangle of cells: first row and column, and their numbers."""
+    """A rectangle of cells: first row, first column, number of rows and of columns."""
 
     row: int
     col: int
@@ -33,12 +35,12 @@ class Box(NamedTuple):
 
 class TiledSums:
     """
-    Sums of several kinds for every cell.
+    Several kinds of sums for every cell.
 
     Parameters
     ----------
     kinds : int
-        Numbers per cell.
+        Number of sums per cell.
 
     """
 
@@ -61,7 +63,7 @@ class TiledSums:
         Raises
         ------
         MapError
-            The map would become larger than memory allows; nothing is added then.
+            The map would become too large for the memory; nothing is added then.
 
         """
         pieces = [(key, inside, sums[(slice(None), *outside)])
@@ -73,7 +75,7 @@ class TiledSums:
             tile[(slice(None), *inside)] += part
 
     def bounds(self) -> Box:
-        """Return the smallest box of whole tiles around all that was added."""
+        """Return the smallest box of whole tiles that contains everything added."""
         return _around(list(self._tiles))
 
     def _check_size(self, keys: list[tuple[int, int]]) -> None:
@@ -84,7 +86,7 @@ class TiledSums:
         if box.rows * box.cols > MOST_CELLS:
             raise MapError(
                 f'the map would have {box.cols} x {box.rows} cells; expected at most '
-                f'{MOST_CELLS / 1e6:.0f} million. Take a coarser --resolution, or map parts of '
+                f'{MOST_CELLS / 1e6:.0f} million. Choose a coarser --resolution, or map parts of '
                 'the drive with --start and --duration'
             )
 
@@ -93,7 +95,7 @@ Span = tuple[slice, slice]
 
 
 def _pieces(box: Box) -> Iterator[tuple[tuple[int, int], Span, Span]]:
-    """Yield each tile's key under a box, the piece's place in the tile and in the box."""
+    """Yield for each tile under a box its key, and the common part in the tile and in the box."""
     for down, row_in, row_out in _cuts(box.row, box.rows):
         for right, col_in, col_out in _cuts(box.col, box.cols):
             yield (down, right), (row_in, col_in), (row_out, col_out)
@@ -115,7 +117,7 @@ def _around(keys: list[tuple[int, int]]) -> Box:
 
 
 def overlap(one: Box, other: Box) -> tuple[Span, Span]:
-    """Return what two boxes share: rows and columns in the first, and in the second."""
+    """Return the common part of two boxes: rows and columns in the first and in the second."""
     spans = []
     for a, b in (((one.row, one.rows), (other.row, other.rows)),
                  ((one.col, one.cols), (other.col, other.cols))):

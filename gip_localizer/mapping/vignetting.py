@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Light that the lens loses towards the corners, told by road that is seen at several places.
+Estimate the vignetting of a lens from road that is seen at two positions in the image.
 
-What a map is built of must not depend on where in the image it was seen: a dark lower edge would
-make each frame darker than the last one's far part, and the brightness drift along the drive.
+The grey in a map must not depend on the position in the image. With a dark lower edge, each frame
+would be darker than the far part of the frame before, and the brightness would drift along the
+drive.
 
 """
 
@@ -18,19 +19,23 @@ import numpy as np
 from gip_localizer.core.arrays import Bools, Floats, median
 
 PASSES = 4
-OUTLIER = 3.0  # robust standard deviations
-LIFT = (0.7, 6.0)  # least and most that a corner is lifted; beyond, the fit is not believed
-LEAST_CELLS = 200  # of a pair of frames
+"""Number of iterations of the robust fit; chosen."""
+OUTLIER = 3.0
+"""Residual, in robust standard deviations, from which a cell is an outlier; chosen."""
+LIFT = (0.7, 6.0)
+"""Accepted brightness factors of the corners; outside this range the fit is rejected; chosen."""
+LEAST_CELLS = 200
+"""Least number of common cells of a pair of frames; chosen."""
 
 
-class Shading(NamedTuple):
+class Vignetting(NamedTuple):
     """
-    Brightness is lifted by `1 + squared ρ² + fourth ρ⁴`, ρ = 1 in the corners of the image.
+    Correction factor of brightness: `1 + squared ρ² + fourth ρ⁴`, ρ = 1 in the image corners.
 
     Attributes
     ----------
     squared, fourth : float
-        0: the lens loses nothing.
+        Coefficients; both are 0 for a lens without vignetting.
 
     """
 
@@ -38,37 +43,37 @@ class Shading(NamedTuple):
     fourth: float = 0.0
 
     def lift(self, radius_sq: Floats) -> Floats:
-        """Factor (...) at squared radii (...)."""
+        """Return the correction factor (...) at squared radii (...)."""
         return np.asarray(1.0 + (self.squared + self.fourth * radius_sq) * radius_sq)
 
 
-class SeenTwice(NamedTuple):
-    """Road in two frames: grey and squared radius of each, and what both weigh; all (n,)."""
+class CommonCells(NamedTuple):
+    """Cells that two frames see: grey and squared radius of each, common weight; all (n,)."""
 
     value: tuple[Floats, Floats]
     radius_sq: tuple[Floats, Floats]
     weight: Floats
 
 
-def fit_shading(pairs: Sequence[SeenTwice]) -> Shading:
+def fit_vignetting(pairs: Sequence[CommonCells]) -> Vignetting:
     """
-    Return the shading that makes pairs of frames agree up to a gain and an offset of each pair.
+    Return the vignetting for which pairs of frames agree, up to a gain and an offset per pair.
 
-    Without pairs, or where the result is none that a lens has, nothing is lifted.
+    Without pairs, or if the fit is not plausible for a lens, the result is no correction.
 
     """
     pairs = [pair for pair in pairs if len(pair.weight) >= LEAST_CELLS]
     if not pairs:
-        return Shading()
+        return Vignetting()
     found = _solved(pairs, 2)
-    if found.min() < 0.0:  # no lens does that: too little is told for two coefficients
+    if found.min() < 0.0:  # no lens does that: the data determine only one coefficient
         found = _solved(pairs, 1)
-    shading = Shading(float(found[0]), float(found[1]))
-    return shading if LIFT[0] <= shading.lift(np.array(1.0)) <= LIFT[1] else Shading()
+    vignetting = Vignetting(float(found[0]), float(found[1]))
+    return vignetting if LIFT[0] <= vignetting.lift(np.array(1.0)) <= LIFT[1] else Vignetting()
 
 
-def _solved(pairs: Sequence[SeenTwice], count: int) -> Floats:
-    """Return both coefficients (2,), the first `count` of them fitted and others 0."""
+def _solved(pairs: Sequence[CommonCells], count: int) -> Floats:
+    """Return both coefficients (2,): the first `count` are fitted, the others are 0."""
     found: Floats = np.zeros(2)
     kept: list[Bools] = [np.ones(len(pair.weight), bool) for pair in pairs]
     gains = [1.0] * len(pairs)
@@ -80,33 +85,33 @@ def _solved(pairs: Sequence[SeenTwice], count: int) -> Floats:
             right += terms.T @ target
         found[:count] = np.linalg.solve(normal[:count, :count], right[:count])
         for k, pair in enumerate(pairs):
-            gains[k], kept[k] = _judged(pair, kept[k], gains[k], found)
+            gains[k], kept[k] = _reweighted(pair, kept[k], gains[k], found)
     return found
 
 
-def _terms(pair: SeenTwice, gain: float) -> tuple[Floats, Floats]:
-    """Return what the coefficients multiply, (n, 2), and the exposure's columns (n, 2)."""
+def _terms(pair: CommonCells, gain: float) -> tuple[Floats, Floats]:
+    """Return the columns (n, 2) of the two coefficients and those (n, 2) of the exposure."""
     (a, b), (near, far) = pair.value, pair.radius_sq
-    shades = np.column_stack([gain * a * near - b * far, gain * a * near**2 - b * far**2])
-    return shades, np.column_stack([a, np.ones(len(a))])
+    terms = np.column_stack([gain * a * near - b * far, gain * a * near**2 - b * far**2])
+    return terms, np.column_stack([a, np.ones(len(a))])
 
 
 def _free_of_exposure(
-    pair: SeenTwice, keep: Bools, gain: float
+    pair: CommonCells, keep: Bools, gain: float
 ) -> tuple[Floats, Floats]:
-    """Return terms and target, weighted, without what gain and offset can explain."""
+    """Return weighted terms and target, orthogonal to the columns of gain and offset."""
     root = np.sqrt(pair.weight[keep] / pair.weight[keep].sum())[:, None]
-    shades, exposure = _terms(pair, gain)
+    terms, exposure = _terms(pair, gain)
     basis, _ = np.linalg.qr(exposure[keep] * root)
-    columns = np.column_stack([shades[keep], pair.value[1][keep]]) * root
+    columns = np.column_stack([terms[keep], pair.value[1][keep]]) * root
     free = columns - basis @ (basis.T @ columns)
     return free[:, :2], free[:, 2]
 
 
-def _judged(pair: SeenTwice, keep: Bools, gain: float, found: Floats) -> tuple[float, Bools]:
-    """Return the gain of a pair and the cells that agree, given the shading."""
-    shades, exposure = _terms(pair, gain)
-    target = pair.value[1] - shades @ found
+def _reweighted(pair: CommonCells, keep: Bools, gain: float, found: Floats) -> tuple[float, Bools]:
+    """Return the gain of a pair and the cells that agree, given the coefficients."""
+    terms, exposure = _terms(pair, gain)
+    target = pair.value[1] - terms @ found
     root = np.sqrt(pair.weight[keep])
     line = np.linalg.lstsq(exposure[keep] * root[:, None], target[keep] * root, rcond=None)[0]
     residual = np.abs(target - exposure @ line)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of one match: the bird's-eye view, and the map beside it where it was found."""
+"""Pictures of one match: the bird's-eye view next to the map at the matched pose."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ Floats32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
 GAP = 4
-"""Columns between two parts of a picture."""
+"""Width of the gap between two parts of a picture, px; chosen."""
 NO_DATA = (96, 48, 48)
-"""Blue, green and red of cells without data."""
+"""Colour of cells without data: blue, green, red, 0 to 255; chosen."""
 REACH = (1.0, 99.0)
-"""Percentiles of a part that become black and white."""
+"""Percentiles of the grey values that are shown as black and as white; chosen."""
 
 
 def birdseye_picture(view: View) -> Picture:
-    """Return the view as (rows, cols) grey, stretched to its contrast; black where unseen."""
+    """Return the view as (rows, cols) grey, stretched to its contrast; black where not seen."""
     return np.where(view.valid, stretched(view.patch, view.valid), 0).astype(np.uint8)
 
 
 def stretched(values: Floats32, valid: Bools) -> Picture:
-    """Return grey between the percentiles of what is valid as 0 to 255; black without any."""
+    """Return grey stretched between percentiles to 0 to 255; black if no cell is valid."""
     if not valid.any():
         return np.zeros(values.shape, np.uint8)
     low, high = np.percentile(values[valid], REACH)
@@ -40,13 +40,13 @@ def stretched(values: Floats32, valid: Bools) -> Picture:
 
 def comparison_picture(raster_map: RasterMap, view: View, pose: Pose2) -> Picture:
     """
-    Show the view, the map window of a pose, and both in one, side by side.
+    Show three parts side by side: the view, the map at a pose, and both in one.
 
     Returns
     -------
     (rows, 3 * cols + 2 * GAP, 3) uint8
-        Blue, green, red. In the third part the view is red and the map is green and blue:
-        where they agree it is grey.
+        Blue, green, red. In the third part the view is red and the map is green and blue: where
+        they agree, the picture is grey.
 
     """
     window, share = map_window(raster_map, view.grid, pose)

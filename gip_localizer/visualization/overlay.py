@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The camera frame with the map drawn into it where it was matched: what a person checks."""
+"""The camera image with the matched map drawn into it, for a visual check by a person."""
 
 from __future__ import annotations
 
@@ -24,14 +24,15 @@ Picture = NDArray[np.uint8]
 Points = NDArray[np.float64]
 
 SAMPLES, FINE = 2, 2
-"""Samples of the map per side of a cell, and pixels per sample, where outlines are found."""
+"""Map samples per side of a cell, and pixels per sample, for finding outlines; chosen."""
 SHORTEST = 0.3
-"""Metres of outline that are worth a line: less is texture."""
+"""Shortest outline that is drawn, metres; shorter ones are mostly texture; chosen."""
 PUBLISHED, WITHHELD = (80, 230, 60), (40, 150, 255)
-"""Blue, green and red of the map's lines where a pose goes out, and where none does."""
+"""Colours of outlines of published and of withheld poses: blue, green, red, 0 to 255; chosen."""
 WHITE = (255, 255, 255)
+"""Blue, green, red, 0 to 255."""
 INSET = 0.28
-"""Of the picture's height that the score surface takes."""
+"""Height of the score surface, as a fraction of the picture's height; chosen."""
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
@@ -39,23 +40,23 @@ def camera_overlay(
     image: Grey, camera: CameraModel | None, raster_map: RasterMap, estimate: Estimate
 ) -> Picture:
     """
-    Draw what the localizer makes of a frame.
+    Draw the result of the localizer into the camera image.
 
     Parameters
     ----------
     image : (height, width) uint8, uint16 or float32
-        The frame.
+        The camera image.
     camera : CameraModel or None
-        That took it; None: nothing can be projected.
+        Camera that took the image; None: no outlines are drawn.
     raster_map : RasterMap
-        Whose outlines are drawn: green where the pose is published, orange where it is withheld.
+        Map whose outlines are drawn: green if the pose is published, orange if it is withheld.
     estimate : Estimate
-        Of the frame, with its `match`.
+        Estimate of the frame, with its `match`.
 
     Returns
     -------
     (height, width, 3) uint8
-        Blue, green, red: frame, outlines, likelihood of the window in a corner, status.
+        Blue, green, red: image, outlines, likelihood of the search window in a corner, status.
 
     """
     picture = cv2.cvtColor(_eight_bits(image), cv2.COLOR_GRAY2BGR)
@@ -73,7 +74,7 @@ def camera_overlay(
 
 def map_outlines(raster_map: RasterMap, grid: Grid, pose: Pose2) -> list[Points]:
     """
-    Return the outlines of what is bright in a window of the map.
+    Return the outlines of the bright areas in a window of the map.
 
     Parameters
     ----------
@@ -87,7 +88,7 @@ def map_outlines(raster_map: RasterMap, grid: Grid, pose: Pose2) -> list[Points]
     Returns
     -------
     list of (n, 2) float64
-        Lines in the base frame, metres; they end where the window or the known map does.
+        Lines in the base frame, metres. They end at the edge of the window and of the known map.
 
     """
     grid = Grid(grid.far, grid.left, grid.rows * SAMPLES, grid.cols * SAMPLES,
@@ -113,7 +114,7 @@ def map_outlines(raster_map: RasterMap, grid: Grid, pose: Pose2) -> list[Points]
 
 
 def _bright(window: NDArray[np.float32], known: NDArray[np.bool_]) -> Picture:
-    """Return what is brighter than the best threshold, `FINE` times as large."""
+    """Return the cells above Otsu's threshold as a picture, `FINE` times as large."""
     low, high = np.percentile(window[known], (1.0, 99.0))
     scaled = np.where(known, (window - low) / max(float(high - low), 1e-6), 0.0)
     fine = cv2.resize(np.clip(scaled, 0.0, 1.0), None, fx=FINE, fy=FINE)
@@ -126,7 +127,7 @@ def _runs(points: NDArray[np.int32], inside: Picture) -> list[NDArray[np.int32]]
     kept = inside[points[:, 1], points[:, 0]] > 0
     if kept.all():
         return [np.vstack([points, points[:1]])]
-    first = int(np.argmin(kept))  # begin outside, so that no run is cut in two
+    first = int(np.argmin(kept))  # start outside, so that no run is split
     points, kept = np.roll(points, -first, axis=0), np.roll(kept, -first)
     parts = np.split(np.arange(len(points)), np.flatnonzero(np.diff(kept)) + 1)
     return [points[part] for part in parts if kept[part[0]]]
@@ -164,7 +165,7 @@ def _draw_lines(
 
 
 def _draw_inset(picture: Picture, scores: Scores) -> None:
-    """Show the likelihood at the best heading, ahead up and left left, in the upper right."""
+    """Draw the likelihood at the best heading in the upper right: up is ahead, left is left."""
     yaw, row, col = scores.best()
     plane = scores.residual[yaw]
     finite = np.isfinite(plane)
@@ -200,7 +201,7 @@ def _text(estimate: Estimate) -> list[str]:
 
 
 def _write(picture: Picture, lines: list[str], colour: tuple[int, int, int]) -> None:
-    """Write below each other on a darkened band at the foot, where the vehicle itself is."""
+    """Write the lines on a darkened band at the bottom, which often shows the vehicle itself."""
     size = max(picture.shape[1] / 1600.0, 0.4)
     height = round(34 * size)
     band = picture[max(picture.shape[0] - height * len(lines) - height // 2, 0):]
@@ -212,15 +213,15 @@ def _write(picture: Picture, lines: list[str], colour: tuple[int, int, int]) -> 
 
 
 def _cut(line: str, size: float, width: int) -> str:
-    """Return a line, or as much of it as the width holds."""
-    whole = line
+    """Return the line, shortened to the width in px if necessary."""
+    full = line
     while line and cv2.getTextSize(line + '...', FONT, size, 1)[0][0] > width:
         line = line[:-1]
-    return whole if cv2.getTextSize(whole, FONT, size, 1)[0][0] <= width else line + '...'
+    return full if cv2.getTextSize(full, FONT, size, 1)[0][0] <= width else line + '...'
 
 
 def _eight_bits(image: Grey) -> Picture:
-    """Return the frame as it is where it has 8 bits, and stretched to 8 where it has more."""
+    """Return an image of 8 bits unchanged, and one of more bits stretched to 8 bits."""
     if image.dtype == np.uint8:
         return np.ascontiguousarray(image)
     low, high = np.percentile(image, (1.0, 99.0))

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The picture of the README: one frame of the demo bag on its way through the localizer.
+The picture of the README: the steps of the localizer for one frame of the demo bag.
 
-Drawn by `make figures`, from the bag and the map in `bags/demo` alone.
+`make figures` draws it from the bag and the map in `bags/demo`.
 
 """
 
@@ -35,11 +35,11 @@ from gip_localizer.session.frontend import Frontend
 from gip_localizer.visualization.style import ESTIMATE, STYLE, WRONG
 
 FRAME = 12
-"""Which frame of the bag is shown: one with an arrow in view."""
+"""Number of the shown frame among the localized ones; chosen, because it shows an arrow."""
 AROUND = (-8.0, 18.0, -6.0, 7.0)
-"""Part of the map that is shown: behind, ahead, right and left of the vehicle, metres."""
+"""Shown part of the map: behind, ahead, right and left of the vehicle, metres; chosen."""
 WINDOW = {'search.x': 1.5, 'search.y': 1.5}
-"""Wider than the default, so that the surface of scores shows more than its summit."""
+"""Half-widths of the search window, metres; chosen to show the scores around the maximum."""
 
 
 def overview_figure(folder: Path) -> Figure:
@@ -59,7 +59,7 @@ def overview_figure(folder: Path) -> Figure:
     Raises
     ------
     GipError
-        The bag cannot be used, or has too few frames that are localized.
+        The bag cannot be used, or too few of its frames are localized.
 
     """
     raster_map = load_map(folder / 'map.yaml')
