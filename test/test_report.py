@@ -49,7 +49,7 @@ def test_the_page_needs_nothing_else():
 def test_the_page_has_every_section():
     _, page = page_of(noisy_run(withheld=3))
     assert list(page.images)[:4] == [
-        'Map', 'Error over time', 'Honesty: NEES over time', 'Latency'
+        'Map', 'Error over time', 'Consistency: NEES over time', 'Latency'
     ]
     assert set(page.images) >= {'camera image', 'score surface'}
 

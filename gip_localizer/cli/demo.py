@@ -103,16 +103,16 @@ def _drive(args: argparse.Namespace, folder: Path) -> Run:
         seconds = _watch(nodes, observer, args.seconds)
         nodes.end('synthetic_camera')
         observer.listen_for(DRAIN)
-    return scene.judged(observer.hearing, observer.exhibits(), seconds)
+    return scene.judged(observer.received, observer.exhibits(), seconds)
 
 
 def _await_first_pose(nodes: NodeProcesses, observer: DemoObserver) -> None:
     print('starting camera and localizer ...', flush=True)
     until = time.monotonic() + START_WITHIN
-    while not observer.hearing.poses:
+    while not observer.received.poses:
         nodes.check()
         if time.monotonic() > until:
-            said = observer.hearing.sayings
+            said = observer.received.diagnostics
             reason = said[-1][1] if said else nodes.last_words('localizer')
             raise GipError(f'no pose within {START_WITHIN:g} s; the localizer says: {reason}')
         observer.listen_for(TICK)
@@ -122,16 +122,16 @@ def _watch(nodes: NodeProcesses, observer: DemoObserver, seconds: float) -> floa
     """Listen for the length of the drive, with a progress line; return the seconds listened."""
     from tqdm import tqdm
 
-    hearing = observer.hearing
+    received = observer.received
     began = time.monotonic()
     form = '{desc} {percentage:3.0f}%|{bar:20}| {elapsed} {postfix}'
     with tqdm(total=seconds, desc='driving', bar_format=form, disable=None) as bar:
         while (elapsed := time.monotonic() - began) < seconds:
             nodes.check()
             observer.listen_for(min(TICK, seconds - elapsed))
-            error, latency = hearing.error_m(), hearing.latency_ms()
+            error, latency = received.error_m(), received.latency_ms()
             bar.set_postfix_str(
-                f'{len(hearing.poses)}/{len(hearing.truth)} frames'
+                f'{len(received.poses)}/{len(received.truth)} frames'
                 + (f', error {1e3 * error:.0f} mm' if error is not None else '')
                 + (f', latency {latency:.0f} ms' if latency is not None else '')
             )

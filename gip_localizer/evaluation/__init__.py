@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Judging runs: metrics, reports, the paper, benchmarks."""
+"""Evaluation of runs: replay, metrics, reports, comparison and the suites of `gip evaluate`."""

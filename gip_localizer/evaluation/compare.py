@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Results folders side by side: figures, parameters that differ, errors in one chart."""
+"""Compare results folders: metrics, differing parameters, and errors in one chart."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ class ResultsError(GipError):
 @dataclass(frozen=True)
 class RunFolder:
     """
-    What was read of a results folder.
+    The content of a results folder.
 
     Attributes
     ----------
     label : str
-        Shortest name that sets it apart.
+        Shortest name that distinguishes it from the other folders.
     metrics : dict
-        Of `metrics.json`.
+        Content of `metrics.json`.
     seconds, errors_m : (n,) float64
-        Time since the truth's first pose, and position error, of the published frames whose truth
-        is known.
+        Time since the first pose of the ground truth, and position error, of the published frames
+        with known truth.
 
     """
 
@@ -57,16 +57,16 @@ def read_runs(folders: Sequence[Path]) -> list[RunFolder]:
     Raises
     ------
     ResultsError
-        A folder holds no readable `metrics.json`, or no numbers in it.
+        A folder has no readable `metrics.json`, or the file lacks the metrics.
     TrajectoryError
-        A trajectory in it is malformed.
+        A trajectory in a folder is malformed.
 
     """
     return [_read(folder, label) for folder, label in zip(folders, _labels(folders), strict=True)]
 
 
 def _labels(folders: Sequence[Path]) -> list[str]:
-    """Return the fewest trailing parts of the paths that set them apart."""
+    """Return the fewest trailing parts of the paths that make the labels unique."""
     parts = [folder.absolute().parts for folder in folders]
     for depth in range(1, max(map(len, parts)) + 1):
         labels = ['/'.join(part[-depth:]) for part in parts]
@@ -91,7 +91,7 @@ def _read(folder: Path, label: str) -> RunFolder:
 
 def _check(path: Path, metrics: Any) -> None:
     if not isinstance(metrics, dict) or metrics.get('frames') is None:
-        raise ResultsError(f'{path}: holds no figures of a run; expected the key "frames"')
+        raise ResultsError(f'{path}: holds no metrics of a run; expected the key "frames"')
     for key, *_ in TABLE:
         value = look_up(metrics, key)
         if not isinstance(value, (int, float, type(None))):
@@ -115,7 +115,7 @@ def _distances(truth: Trajectory, estimate: Trajectory) -> tuple[Floats, Floats]
 
 
 def metric_lines(runs: Sequence[RunFolder]) -> list[list[str]]:
-    """Return one line per figure: name and unit, then the value of each run."""
+    """Return one line per metric: name and unit, then the value of each run."""
     lines = []
     for key, name, unit, scale, form in TABLE:
         values = [look_up(run.metrics, key) for run in runs]
@@ -126,7 +126,7 @@ def metric_lines(runs: Sequence[RunFolder]) -> list[list[str]]:
 
 
 def parameter_lines(runs: Sequence[RunFolder]) -> list[list[str]]:
-    """Return one line per parameter or source that is not the same in all runs."""
+    """Return one line per parameter or input source that differs between the runs."""
     flat = [_flat(run.metrics.get('config', {})) for run in runs]
     names = dict.fromkeys(name for config in flat for name in config)
     lines = [[name, *(config.get(name, '-') for config in flat)] for name in names]
@@ -144,7 +144,7 @@ def _flat(config: Any) -> dict[str, str]:
 
 
 def comparison_figure(runs: Sequence[RunFolder]) -> Figure:
-    """Draw position error over time, and its distribution, of all runs in one figure."""
+    """Draw the position error over time and its distribution for all runs."""
     figure = Figure(figsize=(5.2, 6.4))
     over_time, spread = figure.subplots(2, 1)
     for run in runs:
@@ -157,7 +157,7 @@ def comparison_figure(runs: Sequence[RunFolder]) -> Figure:
         spread.step(ranked, 100.0 * share, where='post', label=run.label)
     over_time.set(yscale='log', xlabel='time [s]', ylabel='position error [mm]')
     spread.set(xscale='log', ylim=(0.0, 101.0), xlabel='position error [mm]',
-               ylabel='frames published with no more [%]')
+               ylabel='frames with at most this error [%]')
     for axis in (over_time.yaxis, spread.xaxis):
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(FormatStrFormatter('%g'))

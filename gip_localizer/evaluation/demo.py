@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the demo demands of the localizer, and what it heard of it over the middleware."""
+"""Bounds of the demo, and the messages that its observer received over the middleware."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ PUBLISHED, WITHHELD = 'published', 'withheld'
 
 
 class Bound(NamedTuple):
-    """A figure of `metrics.json` and what it must not pass."""
+    """A metric of `metrics.json` with its least and its largest allowed value."""
 
     figure: str
     least: float | None
     most: float | None
 
 
-BOUNDS = (
+BOUNDS = (  # chosen, far above the errors of a correct localizer on a rendered road
     Bound('availability', 0.95, None),
     Bound('rmse_xy_m', None, 0.03),
     Bound('rmse_yaw_deg', None, 0.2),
@@ -35,7 +35,7 @@ BOUNDS = (
 
 
 def missed_bounds(metrics: Mapping[str, Any]) -> list[str]:
-    """Return a line for each demand that a run misses; an unknown figure misses its own."""
+    """Return a line for each bound that a run misses; an unknown metric misses its bound."""
     missed = []
     for bound in BOUNDS:
         value = look_up(metrics, bound.figure)
@@ -44,24 +44,24 @@ def missed_bounds(metrics: Mapping[str, Any]) -> list[str]:
         if low or high:
             demand = f'>= {bound.least:g}' if bound.least is not None else f'<= {bound.most:g}'
             found = 'unknown' if value is None else f'{value:.4g}'
-            missed.append(f'{bound.figure} is {found}, demanded {demand}')
+            missed.append(f'{bound.figure} is {found}, required {demand}')
     return missed
 
 
 def overload(metrics: Mapping[str, Any], rate: float) -> str:
-    """Tell that poses took longer than images (1/s) left for them; empty where they did not."""
+    """Return a warning if the latency exceeds the period of the images (rate in 1/s), else ''."""
     latency = look_up(metrics, 'latency_ms.p95')
     if latency is None or latency * rate <= 1000.0:
         return ''
     return (
-        f'the machine did not keep up: latency up to {latency:.0f} ms (95th percentile) and an '
-        f'image every {1000.0 / rate:.0f} ms; close what else runs on it, or lower --rate'
+        f'the machine is overloaded: latency up to {latency:.0f} ms (95th percentile), but an '
+        f'image every {1000.0 / rate:.0f} ms; stop other programs, or lower --rate'
     )
 
 
 @dataclass(frozen=True)
-class HeardFrame:
-    """One frame as a subscriber saw it; pose None: none came for it."""
+class ReceivedFrame:
+    """One frame as received by a subscriber; pose None if no pose was received."""
 
     stamp_ns: int
     pose: Pose2 | None
@@ -73,27 +73,27 @@ class HeardFrame:
 
 
 @dataclass
-class Hearing:
+class ReceivedMessages:
     """
-    Collects what comes over the middleware, by the stamp of the image.
+    Messages received over the middleware, by the stamp of their image.
 
     Attributes
     ----------
     truth : dict
-        Stamp (ns) to ground truth; one for every frame that the camera sent.
+        Stamp (ns) to ground truth; one for every frame that the camera published.
     poses : dict
         Stamp (ns) to pose, covariance (3, 3) and latency (ms).
-    sayings : list
-        Stamp (ns) and message of each change in the diagnostics.
+    diagnostics : list
+        Stamp (ns) and message of each change of the diagnostics.
 
     """
 
     truth: dict[int, Pose2] = field(default_factory=dict)
     poses: dict[int, tuple[Pose2, NDArray[np.float64], float]] = field(default_factory=dict)
-    sayings: list[tuple[int, str]] = field(default_factory=list)
+    diagnostics: list[tuple[int, str]] = field(default_factory=list)
 
     def error_m(self) -> float | None:
-        """Return the distance of the newest pose from the truth, metres."""
+        """Return the position error of the newest pose, metres."""
         for stamp in reversed(self.poses):
             if stamp in self.truth:
                 apart = difference(self.poses[stamp][0], self.truth[stamp])
@@ -105,17 +105,17 @@ class Hearing:
         latencies = [latency for _, _, latency in self.poses.values()]
         return float(np.median(latencies)) if latencies else None
 
-    def frames(self) -> list[HeardFrame]:
-        """Return every frame that the camera sent, in order, with its pose or without."""
+    def frames(self) -> list[ReceivedFrame]:
+        """Return every frame that the camera published, in order, with or without a pose."""
         return [self._frame(stamp) for stamp in sorted(self.truth)]
 
     def trajectory(self) -> Trajectory:
         """Return the ground truth."""
         return Trajectory.from_samples(sorted(self.truth.items()))
 
-    def _frame(self, stamp: int) -> HeardFrame:
+    def _frame(self, stamp: int) -> ReceivedFrame:
         if stamp not in self.poses:
-            said = (message for when, message in self.sayings if when >= stamp)
-            return HeardFrame(stamp, None, None, WITHHELD, next(said, ''))
+            reasons = (message for when, message in self.diagnostics if when >= stamp)
+            return ReceivedFrame(stamp, None, None, WITHHELD, next(reasons, ''))
         pose, covariance, latency = self.poses[stamp]
-        return HeardFrame(stamp, pose, covariance, PUBLISHED, timings_ms={'total': latency})
+        return ReceivedFrame(stamp, pose, covariance, PUBLISHED, timings_ms={'total': latency})

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The demo's world, its camera, and a localizer that starts a little off the truth."""
+"""World, camera and localizer of the demo; the initial pose has a known error."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.evaluation.demo import Hearing
+from gip_localizer.evaluation.demo import ReceivedMessages
 from gip_localizer.evaluation.run import FrameExhibit, Run
 from gip_localizer.io.map_files import save_map
 from gip_localizer.parameters import Parameters
@@ -21,26 +21,31 @@ from gip_localizer.synthetic.parameters import SyntheticCameraParameters
 from gip_localizer.synthetic.worlds import NAMES
 
 START_ERROR = Pose2(0.3, -0.2, math.radians(1.5))
-"""Initial pose of the localizer, seen from the true start."""
+"""Error of the initial pose, relative to the true one (metres and radians); chosen."""
 CAMERA = {
     'camera.z': 1.5, 'camera.pitch': math.radians(15.0),
     'camera.x': 0.2, 'camera.roll': 0.01, 'camera.yaw': -0.02,
     'lens.width': 640, 'lens.height': 480, 'lens.focal': 450.0, 'lens.k1': -0.1, 'lens.k2': 0.01,
 }  # fmt: skip
-"""A small car's camera: tilted a little wrong, with a lens that bends."""
+"""
+Camera of the demo, in the units of its parameters; chosen like a camera in a small car.
+
+It has a small roll and yaw, and a lens with distortion.
+
+"""
 
 
 @dataclass(frozen=True)
 class DemoScene:
     """
-    What is started, and what is judged.
+    Settings of the demo's nodes, and the evaluation of a run.
 
     Attributes
     ----------
     camera : SyntheticCameraParameters
-        Of the node `synthetic_camera`.
+        Parameters of the node `synthetic_camera`.
     localizer : Parameters
-        Of the node `localizer`.
+        Parameters of the node `localizer`.
     raster_map : RasterMap
         The map that the localizer reads.
 
@@ -51,33 +56,33 @@ class DemoScene:
     raster_map: RasterMap
 
     def judged(
-        self, hearing: Hearing, exhibits: Sequence[FrameExhibit], seconds: float
+        self, received: ReceivedMessages, exhibits: Sequence[FrameExhibit], seconds: float
     ) -> Run:
-        """Return what was heard as a run."""
+        """Return the received messages as a run."""
         sources: dict[str, Any] = {
             'world': self.camera.world.name, 'rate': self.camera.rate, 'middleware': 'DDS',
         }
         return Run(
             title=f'Demo: {Path(self.camera.world.name).stem}, three processes over DDS',
-            estimates=hearing.frames(), parameters=self.localizer, truth=hearing.trajectory(),
+            estimates=received.frames(), parameters=self.localizer, truth=received.trajectory(),
             raster_map=self.raster_map, exhibits=exhibits, wall_seconds=seconds, sources=sources,
         )  # fmt: skip
 
 
 def demo_scene(world: str, folder: Path, *, rate: float, metric: str) -> DemoScene:
     """
-    Make a world and write its map.
+    Generate a world and write its map.
 
     Parameters
     ----------
     world : str
         road, tiles, or the YAML file of a map.
     folder : Path
-        Where the map is written.
+        Folder of the map to write.
     rate : float
         Images per second.
     metric : str
-        How the localizer scores candidates.
+        Metric with which the localizer scores candidates.
 
     Returns
     -------

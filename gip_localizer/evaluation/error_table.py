@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Estimates beside the truth, one row per frame: the arrays behind metrics and charts."""
+"""Estimates and ground truth, one row per frame: the arrays for metrics and charts."""
 
 from __future__ import annotations
 
@@ -17,33 +17,36 @@ from gip_localizer.io.trajectory import Trajectory
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 WRONG_XY_M = 0.5
+"""Position error, in metres, above which a pose is wrong; chosen."""
 WRONG_YAW_DEG = 2.0
-ELLIPSE_95 = 5.991464547107979  # chi-square, 2 degrees of freedom, 95 %
+"""Yaw error, in degrees, above which a pose is wrong; chosen."""
+ELLIPSE_95 = 5.991464547107979
+"""95 % quantile of the chi-square law with 2 degrees of freedom (no unit): -2 ln 0.05."""
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorTable:
     """
-    One row per frame; NaN where there is no pose or no truth.
+    Errors, one row per frame; NaN where the pose or the truth is missing.
 
     Attributes
     ----------
     stamps_ns : (n,) int64
         Image stamps.
     published : (n,) bool
-        True: a pose went out.
+        True where a pose was published.
     poses : (n, 3) float64
-        x, y [m], yaw [rad]: the published poses.
+        Published poses: x, y [m], yaw [rad].
     truth : (n, 3) float64
-        Truth interpolated at the stamps.
+        Ground truth, interpolated at the stamps.
     body : (n, 3) float64
-        Estimate minus truth: longitudinal, lateral [m] in the true vehicle's axes, yaw [rad].
+        Estimate minus truth: longitudinal, lateral [m] in the axes of the true pose, yaw [rad].
     sigma : (n, 3) float64
-        Reported standard deviations on the same axes.
+        Reported standard deviations in the same axes.
     nees : (n,) float64
         eᵀ P⁻¹ e, 3 degrees of freedom.
     nees_xy : (n,) float64
-        The same for the position alone, 2 degrees of freedom.
+        The same for the position, 2 degrees of freedom.
 
     """
 
@@ -68,21 +71,21 @@ class ErrorTable:
 
     @property
     def wrong(self) -> Bools:
-        """True where a published pose is off by more than 0.5 m or 2 degrees, (n,)."""
+        """True where the error of a published pose exceeds 0.5 m or 2 degrees, (n,)."""
         yaw_deg = np.degrees(np.abs(self.body[:, 2]))
         return self.judged & ((self.xy > WRONG_XY_M) | (yaw_deg > WRONG_YAW_DEG))
 
 
 def tabulate_errors(estimates: Sequence[FrameResult], truth: Trajectory | None) -> ErrorTable:
     """
-    Match estimates with the truth: interpolated in time, never aligned, never extrapolated.
+    Compare estimates with the truth, which is interpolated in time, never aligned or extrapolated.
 
     Parameters
     ----------
     estimates : sequence of FrameResult
         Frames in any order of stamps.
     truth : Trajectory or None
-        Base in the map frame.
+        Trajectory of base in the map frame.
 
     Returns
     -------

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The figures of a run: error, honesty, availability, speed.
+The metrics of a run: errors, consistency of covariances, availability, speed.
 
-A figure that cannot be known (no ground truth, nothing published) is None, never zero.
-Definitions agree with evo's absolute pose error without alignment.
+A metric that cannot be computed (no ground truth, no published pose) is None, never zero. The
+definitions agree with evo's absolute pose error without alignment.
 
 """
 
@@ -25,7 +25,7 @@ Metrics = dict[str, Any]
 
 
 class Row(NamedTuple):
-    """A line of the table metric, value, unit."""
+    """A row of the table of metrics."""
 
     name: str
     value: str
@@ -34,7 +34,7 @@ class Row(NamedTuple):
 
 def compute_metrics(run: Run) -> Metrics:
     """
-    Return every figure of a run, ready for JSON.
+    Return all metrics of a run, ready for JSON.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def compute_metrics(run: Run) -> Metrics:
     -------
     dict
         The keys of `metrics.json`: counts, errors in metres and degrees, NEES, latencies in
-        milliseconds, `config`. Unknown figures are None.
+        milliseconds, `config`. Unknown metrics are None.
 
     """
     table = tabulate_errors(run.estimates, run.truth)
@@ -53,7 +53,7 @@ def compute_metrics(run: Run) -> Metrics:
         'complete': run.complete,
         **_counts(table, run.estimates),
         **_errors(table),
-        **_honesty(table),
+        **_consistency(table),
         **_speed(run),
         'config': {**run.sources, 'parameters': run.parameters.to_dict()},
     }
@@ -77,7 +77,7 @@ def _counts(table: ErrorTable, estimates: Sequence[FrameResult]) -> Metrics:
 
 
 def status_word(estimate: FrameResult) -> str:
-    """Return the status as a plain word."""
+    """Return the status as a string."""
     return str(getattr(estimate.status, 'value', estimate.status))
 
 
@@ -102,7 +102,7 @@ def _errors(table: ErrorTable) -> Metrics:
     }
 
 
-def _honesty(table: ErrorTable) -> Metrics:
+def _consistency(table: ErrorTable) -> Metrics:
     nees, inside = _finite(table.nees), _finite(table.nees_xy) <= ELLIPSE_95
     sigma = table.sigma[table.published]
     return {
@@ -129,7 +129,7 @@ def _speed(run: Run) -> Metrics:
 
 
 def latencies_ms(estimates: Sequence[FrameResult]) -> Floats:
-    """Return the whole latency of each frame that was timed: `total`, or the sum of stages."""
+    """Return the latency of each frame with timings: `total`, or the sum of its stages, ms."""
     timed = [estimate.timings_ms for estimate in estimates if estimate.timings_ms]
     return np.array([t['total'] if 'total' in t else sum(t.values()) for t in timed], np.float64)
 
@@ -162,8 +162,8 @@ TABLE = (
     ('median_xy_m', 'position error, median', 'mm', 1e3, '.1f'),
     ('p95_xy_m', 'position error, 95th percentile', 'mm', 1e3, '.1f'),
     ('max_xy_m', 'position error, largest', 'mm', 1e3, '.1f'),
-    ('wrong_published', 'wrong fixes published', '', 1.0, '.0f'),
-    ('nees_mean', 'NEES, mean (honest: 3)', '', 1.0, '.2f'),
+    ('wrong_published', 'wrong poses published', '', 1.0, '.0f'),
+    ('nees_mean', 'NEES, mean (consistent: 3)', '', 1.0, '.2f'),
     ('coverage_95', 'truth inside the 95 % ellipse', '%', 100.0, '.1f'),
     ('latency_ms.p50', 'latency, median', 'ms', 1.0, '.1f'),
     ('latency_ms.p95', 'latency, 95th percentile', 'ms', 1.0, '.1f'),
@@ -173,7 +173,7 @@ TABLE = (
 
 
 def look_up(metrics: Mapping[str, Any], dotted: str) -> Any:
-    """Return a figure by its dotted name; None where it is missing."""
+    """Return a metric by its dotted name; None if it is missing."""
     value: Any = metrics
     for part in dotted.split('.'):
         value = value.get(part) if isinstance(value, Mapping) else None
@@ -181,7 +181,7 @@ def look_up(metrics: Mapping[str, Any], dotted: str) -> Any:
 
 
 def table_rows(metrics: Mapping[str, Any]) -> list[Row]:
-    """Return the table metric, value, unit; an unknown figure reads 'unknown'."""
+    """Return the rows metric, value, unit; the value of an unknown metric is 'unknown'."""
     rows = []
     for key, name, unit, scale, form in TABLE:
         value = look_up(metrics, key)
@@ -191,7 +191,7 @@ def table_rows(metrics: Mapping[str, Any]) -> list[Row]:
 
 
 def format_table(rows: Sequence[Row]) -> str:
-    """Return the rows as aligned text with a heading."""
+    """Return the rows as aligned text with a header line."""
     lines = [Row('metric', 'value', 'unit'), *rows]
     wide = [max(len(line[column]) for line in lines) for column in range(3)]
     return '\n'.join(

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The MCAP of a run: poses as the node publishes them, logged at image stamps.
+Write the poses of a run to MCAP, as the node publishes them, logged at image stamps.
 
-Diagnostics are one status with the outcome and figures of each frame; what the node tells besides
-(rates, delays, topics) belongs to a running system.
+Diagnostics hold one status with the result and the figures of each frame. Rates, delays and
+topics, which the node reports too, exist only in a running system.
 
 """
 
@@ -24,19 +24,20 @@ TOPICS = {
     POSE_WITH_COVARIANCE: 'geometry_msgs/msg/PoseWithCovarianceStamped',
     DIAGNOSTICS: 'diagnostic_msgs/msg/DiagnosticArray',
 }
-OK, ERROR = 0, 2  # of diagnostic_msgs/DiagnosticStatus
+OK, ERROR = 0, 2
+"""Levels of diagnostic_msgs/DiagnosticStatus."""
 
 
 def write_published(path: Path, run: Run) -> None:
     """
     Write one MCAP file.
 
-    Timings stay out of it, so that the same run gives the same bytes.
+    Timings are left out, so that the same run gives the same bytes.
 
     Parameters
     ----------
     path : Path
-        File to make, e.g. `published.mcap`.
+        File to write, e.g. `published.mcap`.
     run : Run
         Its estimates are written in order.
 
@@ -52,7 +53,7 @@ def write_published(path: Path, run: Run) -> None:
 
 def _write_frame(bag: BagWriter, estimate: FrameResult, frame_id: str) -> None:
     stamp = estimate.stamp_ns
-    log_ns = max(stamp, 0)  # a bag knows no time before 1970, a broken clock does
+    log_ns = max(stamp, 0)  # a bag cannot hold times before 1970, which a wrong clock gives
     bag.write(DIAGNOSTICS, log_ns, _diagnostics(estimate))
     if estimate.pose is None:
         return

@@ -56,7 +56,7 @@ class Replay:
     truth : Trajectory or None
         Ground truth.
     estimates : list of Estimate
-        Grows; without the material of the match.
+        Estimates so far, without their `match`.
 
     """
 
@@ -82,14 +82,14 @@ class Replay:
 
     def run(self, window: BagWindow, on_frame: Callable[[Estimate], None]) -> None:
         """
-        Replay; Ctrl-C ends it early, and `result` then says so.
+        Replay the bag; after Ctrl-C the run ends early and `result` is marked incomplete.
 
         Parameters
         ----------
         window : BagWindow
             Part of the bag.
         on_frame : callable
-            Told each estimate.
+            Called with each estimate.
 
         Raises
         ------
@@ -113,8 +113,8 @@ class Replay:
         self._seconds = time.perf_counter() - started
         if self._complete and not self.estimates:
             raise BagError(
-                f'no image of {self.topics.image.name} can be read in the part of the bag asked '
-                'for; see --start and --duration' + ''.join(f'\n  {n}' for n in self.bag.notes)
+                f'no image of {self.topics.image.name} can be read in the selected part of '
+                'the bag; see --start and --duration' + ''.join(f'\n  {n}' for n in self.bag.notes)
             )
 
     def _calibrate(self, window: BagWindow) -> None:
@@ -208,17 +208,17 @@ class Replay:
              if self._pairing is not None and self._pairing.dropped else [])
 
     def _truth_elsewhere(self) -> list[str]:
-        """Tell of a truth of another time than the images'."""
+        """Return a note if the ground truth covers none of the images."""
         stamps = np.array([estimate.stamp_ns for estimate in self.estimates], np.int64)
         if self.truth is None or not len(stamps) or np.isfinite(self.truth.at(stamps)).any():
             return []
         spans = [f'{span.min() * 1e-9:.3f} to {span.max() * 1e-9:.3f} s'
                  for span in (self.truth.stamps_ns, stamps)]
-        return [f'errors are unknown: the ground truth is of {spans[0]}, the images of '
+        return [f'errors are unknown: the ground truth covers {spans[0]}, the images '
                 f'{spans[1]}; expected stamps of one clock']
 
     def _withheld(self) -> list[str]:
-        """Tell once for each status why frames gave no pose."""
+        """Return one note for each status of frames without a pose, with the first reason."""
         first: dict[str, str] = {}
         for estimate in self.estimates:
             if not estimate.published:

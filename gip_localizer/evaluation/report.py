@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`report.html`: one file that needs nothing else, for a laptop and for a phone."""
+"""`report.html`: a single file without external parts, for large and small screens."""
 
 from __future__ import annotations
 
@@ -24,20 +24,21 @@ from gip_localizer.evaluation.run import FrameExhibit, Run
 from gip_localizer.visualization.style import STYLE
 
 MAX_PICTURE_SIDE = 480
+"""Largest side of a picture in the report, px; chosen."""
 
 
 def render_report(run: Run, metrics: Metrics, table: ErrorTable) -> str:
     """
-    Return the page.
+    Return the HTML page of a run.
 
     Parameters
     ----------
     run : Run
-        Estimates, map, exhibits.
+        Run with estimates, map and pictures.
     metrics : dict
-        Of `compute_metrics`.
+        Result of `compute_metrics`.
     table : ErrorTable
-        Of `tabulate_errors`.
+        Result of `tabulate_errors`.
 
     Returns
     -------
@@ -57,13 +58,13 @@ def render_report(run: Run, metrics: Metrics, table: ErrorTable) -> str:
 
 @lru_cache(maxsize=4)
 def template(name: str) -> jinja2.Template:
-    """Return a page of the package's templates, HTML-escaping what is filled in."""
+    """Return a template of the package; inserted values are HTML-escaped."""
     loader = jinja2.PackageLoader('gip_localizer.evaluation', 'templates')
     return jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True).get_template(name)
 
 
 def _figures(run: Run, table: ErrorTable) -> dict[str, str]:
-    """Caption to picture, in the order of the page; what has no data is left out."""
+    """Return caption → figure, in the order of the page; figures without data are left out."""
     figures: dict[str, str] = {}
     with mpl.rc_context(STYLE):
         if len(table.stamps_ns) or run.truth is not None:
@@ -71,7 +72,7 @@ def _figures(run: Run, table: ErrorTable) -> dict[str, str]:
         if table.judged.any():
             figures['Error over time'] = figure_uri(error_figure(table))
         if np.isfinite(table.nees).any():
-            figures['Honesty: NEES over time'] = figure_uri(nees_figure(table))
+            figures['Consistency: NEES over time'] = figure_uri(nees_figure(table))
         latencies = latencies_ms(run.estimates)
         if len(latencies):
             figures['Latency'] = figure_uri(latency_figure(latencies))
@@ -105,7 +106,7 @@ def _png_uri(image: NDArray[Any]) -> str:
 
 
 def _coloured(values: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Colour a surface from its least to its greatest finite value; the rest is light grey."""
+    """Colour a surface from its least to its largest finite value; other cells are light grey."""
     finite = np.isfinite(values)
     low, high = (values[finite].min(), values[finite].max()) if finite.any() else (0.0, 1.0)
     share = np.where(finite, (values - low) / max(high - low, 1e-300), 0.0)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The charts of the report: matplotlib figures without a screen."""
+"""The charts of the report, as matplotlib figures that need no display."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from gip_localizer.evaluation.error_table import ErrorTable
 from gip_localizer.visualization.style import BAND, ESTIMATE, TRUTH, WRONG
 
 Floats = NDArray[np.float64]
-NEES_95 = (0.2157952826238981, 9.348403604496145)  # chi-square, 3 degrees of freedom
+NEES_95 = (0.2157952826238981, 9.348403604496145)
+"""2.5 % and 97.5 % quantiles of the chi-square law with 3 degrees of freedom (no unit)."""
 SIZE = (4.8, 4.6)
+"""Width and height of a chart, inches; chosen."""
 
 
 def seconds(table: ErrorTable) -> Floats:
@@ -24,7 +26,7 @@ def seconds(table: ErrorTable) -> Floats:
 
 
 def error_figure(table: ErrorTable) -> Figure:
-    """Draw error over time in a band of ±3σ: longitudinal, lateral, yaw."""
+    """Draw longitudinal, lateral and yaw error over time, with the band of ±3σ."""
     figure = Figure(figsize=SIZE)
     panels = figure.subplots(3, 1, sharex=True)
     time, order = _in_time(table)
@@ -44,13 +46,13 @@ def error_figure(table: ErrorTable) -> Figure:
 
 
 def nees_figure(table: ErrorTable) -> Figure:
-    """Draw NEES over time with the band that holds 95 % of honest frames."""
+    """Draw NEES over time, with the band that holds 95 % of frames with true covariances."""
     figure = Figure(figsize=(SIZE[0], 3.2))
     axes = figure.subplots()
     time, order = _in_time(table)
     nees = np.maximum(table.nees[order], 1e-3)
     known = nees[np.isfinite(nees)]
-    axes.axhspan(*NEES_95, color=BAND, alpha=0.4, lw=0, label='95 % of honest frames')
+    axes.axhspan(*NEES_95, color=BAND, alpha=0.4, lw=0, label='95 % if covariances are true')
     axes.plot(time, nees, '.', color=ESTIMATE, ms=4, label='frame')
     axes.axhline(3.0, color=TRUTH, lw=1.0, label='expected mean 3')
     if len(known):
@@ -61,7 +63,7 @@ def nees_figure(table: ErrorTable) -> Figure:
 
 
 def latency_figure(latencies: Floats) -> Figure:
-    """Draw the histogram of whole latencies with p50, p95 and p99."""
+    """Draw the histogram of latencies (ms) with p50, p95 and p99."""
     figure = Figure(figsize=(SIZE[0], 3.2))
     axes = figure.subplots()
     axes.hist(latencies, bins=min(40, max(5, len(latencies) // 4)), color=ESTIMATE, alpha=0.8)
@@ -80,7 +82,7 @@ def _in_time(table: ErrorTable) -> tuple[Floats, NDArray[np.intp]]:
 
 
 def _limit(axes: Axes, *series: Floats) -> None:
-    """Show what nearly all frames do; a single outlier may leave the frame."""
+    """Set the vertical range to nearly all frames; single outliers may lie outside."""
     sizes = [np.abs(values[np.isfinite(values)]) for values in series]
     tops = [float(np.percentile(values, 99.5)) for values in sizes if len(values)]
     top = max(tops, default=1.0) * 1.2

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The map of the report: the road, the true and the estimated path, 95 % ellipses."""
+"""The map of the report: the road, true and estimated path, 95 % ellipses."""
 
 from __future__ import annotations
 
@@ -18,12 +18,15 @@ from gip_localizer.visualization.style import ESTIMATE, TRUTH, WRONG
 Floats = NDArray[np.float64]
 ELLIPSE = '#e07a00'
 PIXELS = 700
+"""Pixels along the larger side of the background; chosen."""
 MAX_SMOOTHED_CELLS = 2e7
+"""Largest number of map cells that are smoothed for the background; chosen."""
 ELLIPSES = 16
+"""Largest number of drawn ellipses; chosen."""
 
 
 def map_figure(run: Run, table: ErrorTable) -> Figure:
-    """Draw the paths over the map, with ellipses enlarged by a factor that the title states."""
+    """Draw the paths over the map, with ellipses enlarged by the factor in the title."""
     box = _box(run, table)
     height = 4.6 * (box[3] - box[1]) / max(box[2] - box[0], 1e-9)
     figure = Figure(figsize=(5.4, min(max(height, 1.4), 5.6) + 1.0))
@@ -36,7 +39,7 @@ def map_figure(run: Run, table: ErrorTable) -> Figure:
     axes.plot(*table.poses[:, :2].T, color=ESTIMATE, lw=1.0, marker='.', ms=3, label='estimate')
     wrong = table.wrong
     if wrong.any():
-        axes.plot(*table.poses[wrong, :2].T, 'x', color=WRONG, ms=6, label='wrong fix')
+        axes.plot(*table.poses[wrong, :2].T, 'x', color=WRONG, ms=6, label='wrong pose')
     factor = _draw_ellipses(axes, run, table, box)
     label = '' if factor is None else f'95 % ellipses, {factor} times enlarged'
     axes.set(xlim=box[::2], ylim=box[1::2], aspect='equal', xlabel='x [m]', ylabel='y [m]')
@@ -46,7 +49,7 @@ def map_figure(run: Run, table: ErrorTable) -> Figure:
 
 
 def _box(run: Run, table: ErrorTable) -> tuple[float, float, float, float]:
-    """Least x, least y, largest x, largest y to show, metres."""
+    """Return least x, least y, largest x and largest y to show, metres."""
     points = table.poses[np.isfinite(table.poses[:, 0]), :2]
     if run.truth is not None:
         points = np.vstack([points, run.truth.poses[:, :2]])
@@ -82,7 +85,7 @@ def _draw_background(axes: Axes, raster_map: RasterMap,
 
 def _draw_ellipses(axes: Axes, run: Run, table: ErrorTable,
                    box: tuple[float, float, float, float]) -> int | None:
-    """Draw some ellipses; return by how much they are enlarged, None if there are none."""
+    """Draw at most `ELLIPSES` ellipses; return their enlargement, or None if there are none."""
     rows = [row for row, estimate in enumerate(run.estimates)
             if estimate.pose is not None and estimate.covariance is not None]
     if not rows:
@@ -102,7 +105,7 @@ def _draw_ellipses(axes: Axes, run: Run, table: ErrorTable,
 
 
 def _ellipse(covariance: Floats) -> tuple[float, float, float]:
-    """Width and height (full axes, metres) and angle (degrees) of the 95 % ellipse."""
+    """Return width and height (full axes, metres) and angle (degrees) of the 95 % ellipse."""
     variances, axes = np.linalg.eigh(covariance[:2, :2])
     small, large = 2.0 * np.sqrt(np.maximum(variances, 0.0) * ELLIPSE_95)
     return float(large), float(small), float(np.degrees(np.arctan2(axes[1, 1], axes[0, 1])))

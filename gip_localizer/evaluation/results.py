@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The results folder of a run: whole or not at all."""
+"""Write the results folder of a run: completely or not at all."""
 
 from __future__ import annotations
 
@@ -23,32 +23,32 @@ METRICS_FILE = 'metrics.json'
 
 
 def check_output(out: Path | str, force: bool) -> None:
-    """Refuse an output folder before any work is done (raises OutputError)."""
+    """Check the output folder before any work is done (raises OutputError)."""
     check_folder(out, force=force, mark=METRICS_FILE)
 
 
 def write_results(out: Path | str, run: Run, force: bool = False) -> Metrics:
     """
-    Write the whole results folder and the link `latest` beside it.
+    Write the results folder, and the link `latest` next to it.
 
     Parameters
     ----------
     out : Path or str
-        The folder; its parents are made.
+        The folder; missing parents are created.
     run : Run
-        What is written; `run.complete` False marks it in `metrics.json` and the report.
+        The run to write; if `run.complete` is False, `metrics.json` and the report say so.
     force : bool
-        True: results that lie there are replaced.
+        True: existing results are replaced.
 
     Returns
     -------
     dict
-        The figures of `metrics.json`.
+        The metrics of `metrics.json`.
 
     Raises
     ------
     OutputError
-        The folder may not be replaced, or the disk refuses; nothing is left behind then.
+        The folder must not be replaced, or writing fails; nothing is left behind then.
 
     """
     metrics = compute_metrics(run)
@@ -75,7 +75,7 @@ def _fill(folder: Path, run: Run, metrics: Metrics) -> None:
 
 
 def _link_latest(out: Path) -> None:
-    """Point `latest`, beside the folder, to it; anything else of that name is left alone."""
+    """Point the link `latest` to the folder; a file or folder of that name is not changed."""
     link = out.parent / 'latest'
     if link == out or (link.exists() and not link.is_symlink()):
         return

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What one run of the localizer leaves behind: the input of metrics, results and report."""
+"""The record of one run of the localizer: the input of metrics, results and report."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from gip_localizer.parameters import Parameters
 
 class FrameResult(Protocol):
     """
-    What is judged of one frame; `gip_localizer.core` estimates have this shape.
+    The evaluated data of one frame; estimates of `gip_localizer.core` fulfil this protocol.
 
-    A subscriber that has only messages may build its own: pose None for a withheld frame.
+    A subscriber that has only messages builds its own; pose is None for a withheld frame.
 
     """
 
@@ -38,19 +38,19 @@ class FrameResult(Protocol):
 
     @property
     def status(self) -> Any:
-        """Status word (a string enum)."""
+        """Status (a string enum)."""
 
     @property
     def reason(self) -> str:
-        """Why the status is what it is."""
+        """Reason of the status."""
 
     @property
     def quality(self) -> Mapping[str, float]:
-        """Figures of quality by name."""
+        """Quality figures by name."""
 
     @property
     def timings_ms(self) -> Mapping[str, float]:
-        """Milliseconds by stage."""
+        """Time in milliseconds by stage."""
 
 
 @dataclass(frozen=True)
@@ -61,12 +61,13 @@ class FrameExhibit:
     Attributes
     ----------
     title : str
-        One line above the pictures.
+        Heading above the pictures.
     stamp_ns : int
         Stamp of the frame.
     images : dict of str to array
-        Caption to a picture: uint8 (h, w) or (h, w, 3) RGB as it is; other two-dimensional
-        arrays are scaled from their finite least to their greatest value and coloured.
+        Caption → picture. A picture is uint8 (h, w) or (h, w, 3) RGB and shown unchanged. Other
+        two-dimensional arrays are scaled from their least to their largest finite value and
+        coloured.
 
     """
 
@@ -78,7 +79,7 @@ class FrameExhibit:
 @dataclass(frozen=True)
 class Run:
     """
-    A run, complete or cut short.
+    A run, complete or stopped early.
 
     Attributes
     ----------
@@ -87,21 +88,21 @@ class Run:
     estimates : sequence of FrameResult
         Every frame in order, published or withheld.
     parameters : Parameters
-        As used.
+        Parameters of the run.
     truth : Trajectory or None
         Ground truth of the base in the map frame.
     raster_map : RasterMap or None
-        Drawn behind the path.
+        Map, drawn behind the path.
     exhibits : sequence of FrameExhibit
         Frames to show, worst first.
     wall_seconds : float or None
-        Time the run took, for `frames_per_second`.
+        Duration of the run, for `frames_per_second`.
     complete : bool
-        False: stopped before its end.
+        False if the run was stopped before its end.
     sources : dict
-        Where the input came from (bag, map, seed …); goes to `config` and the report.
+        Origin of the input (bag, map, seed …); written to `config` and the report.
     notes : sequence of str
-        What the reader must know: skipped topics, truncated input.
+        Notes for the reader, for example on skipped topics or truncated input.
 
     """
 

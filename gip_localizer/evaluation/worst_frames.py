@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of the frames that went worst, kept while a run goes on."""
+"""Pictures of the worst frames, collected during a run."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ UNKNOWN = 235  # grey of cells that were not seen or are not on the map
 def frame_exhibit(title: str, image: NDArray[Any] | None, estimate: Estimate,
                   raster_map: RasterMap) -> FrameExhibit:
     """
-    Return the pictures of one frame, as far as its match got.
+    Return the pictures of one frame, for all stages that its match reached.
 
     Parameters
     ----------
     title : str
-        One line.
+        Heading of the pictures.
     image : (height, width) array or None
         Grey camera image.
     estimate : Estimate
-        With its `match`.
+        Estimate with its `match`.
     raster_map : RasterMap
-        From which the matched window is cut.
+        Map from which the matched window is cut.
 
     """
     pictures: dict[str, NDArray[Any]] = {}
@@ -71,25 +71,25 @@ def _matched_pose(estimate: Estimate) -> Pose2 | None:
 
 
 def _picture(values: NDArray[Any], valid: Bools) -> Picture:
-    """Stretch grey where it is valid; elsewhere it is light."""
+    """Return grey stretched where it is valid; other cells are light."""
     return np.where(valid, stretched(values, valid), UNKNOWN).astype(np.uint8)
 
 
 class WorstFrames:
     """
-    Keeps pictures of the worst frames seen so far.
+    Keeps the pictures of the worst frames so far.
 
-    A published frame is as bad as its error, or without truth as its reported σ; a withheld
-    one ranks behind all published ones.
+    Published frames are ranked by their error or, without ground truth, by their reported σ.
+    Withheld frames rank behind all published ones.
 
     Parameters
     ----------
     truth : Trajectory or None
-        Known from the start.
+        Ground truth.
     raster_map : RasterMap
-        For the matched windows.
+        Map for the matched windows.
     count : int
-        How many are kept.
+        Number of frames to keep.
 
     """
 
@@ -102,7 +102,7 @@ class WorstFrames:
         self._start_ns: int | None = None
 
     def add(self, image: Callable[[], NDArray[Any] | None], estimate: Estimate) -> None:
-        """Consider a frame; its image is asked for only when it is kept."""
+        """Add a frame if it is among the worst; `image` is called only then."""
         self._seen += 1
         if self._start_ns is None:
             self._start_ns = estimate.stamp_ns
@@ -118,7 +118,7 @@ class WorstFrames:
             heapq.heapreplace(self._heap, entry)
 
     def exhibits(self) -> list[FrameExhibit]:
-        """Return what is kept, worst first."""
+        """Return the kept frames, the worst first."""
         return [exhibit for _, _, exhibit in sorted(self._heap, key=lambda e: (-e[0], e[1]))]
 
     def _judge(self, estimate: Estimate) -> tuple[float, str]:
@@ -129,7 +129,7 @@ class WorstFrames:
             if np.isfinite(true).all():
                 error = difference(estimate.pose, Pose2(*(float(v) for v in true)))
                 off = math.hypot(error[0], error[1])
-                return off, f'off by {1e3 * off:.1f} mm, {math.degrees(error[2]):+.3f} deg'
+                return off, f'error {1e3 * off:.1f} mm, {math.degrees(error[2]):+.3f} deg'
         if estimate.covariance is None:
             return 0.0, 'covariance unknown'
         sigma = math.sqrt(max(float(np.trace(estimate.covariance[:2, :2])), 0.0))

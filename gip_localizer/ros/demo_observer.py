@@ -19,7 +19,7 @@ from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image
 
-from gip_localizer.evaluation.demo import Hearing
+from gip_localizer.evaluation.demo import ReceivedMessages
 from gip_localizer.evaluation.run import FrameExhibit
 from gip_localizer.io.messages import planar_pose, stamp_ns
 
@@ -39,13 +39,13 @@ class DemoObserver:
 
     Attributes
     ----------
-    hearing : Hearing
-        What was heard so far.
+    received : ReceivedMessages
+        Messages received so far.
 
     """
 
     def __init__(self) -> None:
-        self.hearing = Hearing()
+        self.received = ReceivedMessages()
         self._pictures: dict[int, dict[str, NDArray[Any]]] = {}
         self._complete: tuple[int, dict[str, NDArray[Any]]] | None = None
 
@@ -94,22 +94,22 @@ class DemoObserver:
         return [FrameExhibit('One frame of the run', stamp, images)]
 
     def _on_truth(self, message: PoseStamped) -> None:
-        self.hearing.truth[stamp_ns(message.header)] = planar_pose(message.pose)
+        self.received.truth[stamp_ns(message.header)] = planar_pose(message.pose)
 
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
         stamp = stamp_ns(message.header)
         latency_ms = (self._node.get_clock().now().nanoseconds - stamp) * 1e-6
         full = np.asarray(message.pose.covariance).reshape(6, 6)
         covariance = full[np.ix_((0, 1, 5), (0, 1, 5))]
-        self.hearing.poses[stamp] = (planar_pose(message.pose.pose), covariance, latency_ms)
+        self.received.poses[stamp] = (planar_pose(message.pose.pose), covariance, latency_ms)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         output = [status for status in message.status if status.name.endswith(': output')]
         if not output:
             return
         said = (stamp_ns(message.header), output[0].message)
-        if not self.hearing.sayings or self.hearing.sayings[-1][1] != said[1]:
-            self.hearing.sayings.append(said)
+        if not self.received.diagnostics or self.received.diagnostics[-1][1] != said[1]:
+            self.received.diagnostics.append(said)
 
     def _keeper(self, topic: str) -> Callable[[Image], None]:
         def keep(message: Image) -> None:
