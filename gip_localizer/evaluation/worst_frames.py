@@ -21,7 +21,8 @@ from gip_localizer.evaluation.run import FrameExhibit
 from gip_localizer.io.trajectory import Trajectory
 from gip_localizer.visualization.match_images import Picture, stretched
 
-UNKNOWN = 235  # grey of cells that were not seen or are not on the map
+UNKNOWN = 235
+"""Grey, 0 to 255, of cells that were not seen or are not on the map; chosen."""
 
 
 def frame_exhibit(title: str, image: NDArray[Any] | None, estimate: Estimate,

@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The suites of `gip evaluate`: what is tried, what is demanded, what came of it."""
+"""The suites of `gip evaluate`: their trials, bounds and result tables."""

@@ -1,6 +1,12 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The conditions of `gip evaluate`, and what is demanded of each."""
+"""
+The conditions of `gip evaluate`, and the bounds on their errors.
+
+Settings have the units of the parameters that they set. They and the bounds (metres, degrees)
+are chosen; docs/accuracy.md compares the bounds with measured errors.
+
+"""
 
 from __future__ import annotations
 
@@ -15,30 +21,30 @@ STILL: dict[str, Value] = {
     'camera_motion.sigma_pitch': 0.0, 'camera_motion.sigma_roll': 0.0,
     'camera_motion.sigma_height': 0.0,
 }
-"""A localizer that holds the camera for fixed."""
+"""Localizer parameters that assume a camera without suspension motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
     """
-    What is rendered, and how it is localized.
+    Settings for rendering and localizing frames.
 
     Attributes
     ----------
     name : str
         Short name.
     title : str
-        What it is, in words.
+        Description of the condition.
     scenario : str
-        The synthetic scenario that renders it.
+        Name of the synthetic scenario.
     camera : dict
         Settings of the synthetic camera on top of the scenario.
     localizer : dict
         Parameters of the localizer on top of the defaults.
     ground : str
-        What becomes of the world before it is mapped (`grounds.GROUNDS`).
+        Change of the world before it is mapped (a name of `grounds.GROUNDS`).
     map_noise : float
-        Standard deviation of what the map's cells are off, grey levels of [0, 1].
+        Standard deviation of the errors of map cells, grey levels of [0, 1].
 
     """
 
@@ -54,15 +60,15 @@ class Setup:
 @dataclass(frozen=True, kw_only=True)
 class Condition(Setup):
     """
-    One row of the suite.
+    One row of the suite `conditions`.
 
     Attributes
     ----------
     rmse_xy_m, rmse_yaw_deg : float
         Largest root mean square errors.
     model_holds : bool
-        True: the NEES must lie in its chi-square band; false: at most 6, since the road or the
-        camera is not what the model says.
+        True: the model of the localizer holds, so the NEES must lie in its chi-square band.
+        False: road or camera differ from the model, so the NEES must be at most 6.
 
     """
 
@@ -75,7 +81,7 @@ TILES_VIEW: dict[str, Value] = {
     'birdseye.near': 0.4, 'birdseye.far': 2.2, 'birdseye.half_width': 1.5,
     'birdseye.resolution': 0.025, **STILL,
 }
-"""The localizer's view of the paper's camera."""
+"""View of the localizer for the paper's camera, metres."""
 TILES_CAMERA: dict[str, Value] = {'world.resolution': 0.05, 'world.join': 1}
 
 CLEAR = Condition(
@@ -117,4 +123,4 @@ TILES = Condition(
     rmse_xy_m=0.005, rmse_yaw_deg=0.3, model_holds=True,
 )
 CONDITIONS = (CLEAR, NIGHT, DISTORTED, SHADOWS, CARS, CHANGED, PITCH, TILES)
-"""Single frames, no filter; starts spread over ±0.5 m and ±3°."""
+"""Conditions for single frames without filter, with starts within ±0.5 m and ±3°."""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Suite `bound`: errors in frames that noise dominates, over the Cramér-Rao bound.
+Suite `bound`: errors relative to the Cramér-Rao bound, in frames dominated by noise.
 
 The bound comes from the renderer and the true noise alone: with image h(x, y, yaw, gain, offset)
 and white noise of variance σ² per pixel the information is `J^T J / σ²` over the pixels that see
@@ -27,15 +27,18 @@ from gip_localizer.parameters.spec import Value
 from gip_localizer.synthetic.renderer import Renderer
 
 MOST_RATIO = 1.2
+"""Largest allowed ratio (no unit) of the error to its bound; chosen."""
 MOST_FRAMES = 40
-STEPS = np.array([0.004, 0.004, 0.001])  # m, m, rad: of the differences
+"""Largest number of frames per setup, because a frame is rendered seven times more; chosen."""
+STEPS = np.array([0.004, 0.004, 0.001])
+"""Steps of the numerical derivatives along x, y (m) and yaw (rad); chosen."""
 PURE: dict[str, Value] = {
     'sensor.bits': 16, 'sensor.full_well': 0.0, 'sensor.vignetting': 0.0,
     'sensor.exposure_time': 0.0, 'world.resolution': 0.05, 'world.join': 1,
 }
-"""White noise alone, and a map that is the world."""
+"""White noise as the only disturbance, and a map that equals the world."""
 FINE: dict[str, Value] = {**STILL, 'birdseye.resolution': 0.05 / 4.0}
-"""Four cells of the view along one of the map's, so that hardly any detail is averaged away."""
+"""Four view cells per side of a map cell, so that little detail is lost by averaging."""
 SETUPS = (
     replace(TILES, name='tiles, -3 dB', camera={**TILES.camera, **PURE},
             localizer={**TILES.localizer, 'birdseye.resolution': 0.05 / 6.0}),
@@ -55,22 +58,22 @@ SETUPS = (
 
 
 class CramerRao:
-    """Errors over the bound, axis by axis and together."""
+    """Ratios of the errors to the bound, for each axis and combined."""
 
     name = 'bound'
-    title = 'Errors over the Cramér-Rao bound where noise dominates'
+    title = 'Errors relative to the Cramér-Rao bound where noise dominates'
     columns = (
         'frames of', 'frames', 'rmse [mm]', 'bound [mm]', 'yaw [mdeg]', 'bound [mdeg]',
-        'ahead', 'left', 'yaw', 'together', 'reported sigma / bound',
+        'ahead', 'left', 'yaw', 'combined', 'reported sigma / bound',
     )
 
     @property
     def setups(self) -> Mapping[str, Setup]:
-        """The parts by name."""
+        """Setups by name."""
         return {setup.name: setup for setup in SETUPS}
 
     def count(self, part: str, frames: int) -> int:
-        """Return the trials of each part."""
+        """Return the number of trials per setup."""
         return min(frames, MOST_FRAMES)
 
     def run(self, bench: Bench, part: str, index: int) -> list[Record]:
@@ -84,24 +87,24 @@ class CramerRao:
         return [Record(self.name, part, index, '', trial, figures)]
 
     def summarise(self, records: Sequence[Record]) -> Section:
-        """Return ratios of root mean squares."""
+        """Return the ratios of root mean square errors to bounds."""
         rows: list[Sequence[Cell]] = []
         demands: list[Bound] = []
         for setup in SETUPS:
-            row, together = _row(setup.name, of_part(records, setup.name))
+            row, combined = _row(setup.name, of_part(records, setup.name))
             rows.append(row)
-            demands.append(Bound(setup.name, 'error over its bound', together, MOST_RATIO))
+            demands.append(Bound(setup.name, 'error over its bound', combined, MOST_RATIO))
         return Section(self.name, self.title, self.columns, rows, demands, (
-            'together: root of the mean of e^T C^-1 e / 3 with the bound C; 1 is the best that '
-            'any unbiased estimate can reach. Of every match, published or not.',
+            'combined: root of the mean of e^T C^-1 e / 3 with the bound C; 1 is the best value '
+            'of an unbiased estimate. All matches count, published or not.',
         ))
 
 
 def pose_bound(bench: Bench, truth: Pose2) -> Floats:
     """
-    Least covariance (3, 3) of any unbiased estimate of the pose, gain and offset unknown.
+    Least covariance (3, 3) of an unbiased estimate of the pose, for unknown gain and offset.
 
-    Ahead and left in metres and yaw in radians, in the axes of the pose.
+    The axes are ahead and left of the true pose in metres, and yaw in radians.
 
     """
     sensor = bench.drive.parameters.sensor
@@ -125,7 +128,7 @@ def _renderer(bench: Bench) -> Renderer:
 
 @lru_cache(maxsize=1)
 def _pixels_of_view(bench: Bench) -> Bools:
-    """Tell the pixels (height, width) whose road lies in the bird's-eye view."""
+    """Return True for the pixels (height, width) whose road lies in the bird's-eye view."""
     camera, view = bench.drive.camera, bench.parameters.birdseye
     v, u = np.mgrid[0 : camera.height, 0 : camera.width]
     xy, valid = camera.road_points(np.stack([u.ravel(), v.ravel()], axis=1).astype(float))
@@ -147,7 +150,7 @@ def _row(name: str, records: Sequence[Record]) -> tuple[list[Cell], float]:
     least = np.sqrt(np.diagonal(bounds, axis1=1, axis2=2))
     axes = np.sqrt((errors**2).mean(axis=0) / (least**2).mean(axis=0))
     squares = [e @ np.linalg.solve(c, e) for e, c in zip(errors, bounds, strict=True)]
-    together = math.sqrt(float(np.mean(squares)) / 3.0)
+    combined = math.sqrt(float(np.mean(squares)) / 3.0)
     sigma = np.array([
         np.trace(np.linalg.solve(c, r.trial.covariance)) / 3.0
         for r, c in zip(found, bounds, strict=True) if r.trial.covariance is not None
@@ -159,5 +162,5 @@ def _row(name: str, records: Sequence[Record]) -> tuple[list[Cell], float]:
         name, len(records), round(1e3 * float(np.hypot(*rms[:2])), 3),
         round(1e3 * float(np.hypot(*bound[:2])), 3), round(1e3 * math.degrees(rms[2]), 2),
         round(1e3 * math.degrees(bound[2]), 2), *(round(float(a), 2) for a in axes),
-        round(together, 3), round(reported, 2),
-    ], together
+        round(combined, 3), round(reported, 2),
+    ], combined

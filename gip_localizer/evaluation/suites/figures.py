@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Charts of an evaluation: errors and NEES with bounds, confidence of right and wrong."""
+"""Charts of an evaluation: errors, NEES and bounds; confidence of right and wrong matches."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from gip_localizer.evaluation.suites.suite import of_part, Record
 from gip_localizer.visualization.style import ESTIMATE, WRONG
 
 SIZE, WIDE = (7.2, 3.4), (11.0, 3.2)
+"""Widths and heights of charts, inches; chosen."""
 
 
 def charts(records: Sequence[Record], least_confidence: float) -> dict[str, Figure]:
-    """Return the figures that the records allow, by file name."""
+    """Return the figures for which there are records, by file name."""
     figures = {}
     single = [r for r in records if r.suite == 'conditions']
     if any(r.trial.error is not None for r in single):
@@ -31,7 +32,7 @@ def charts(records: Sequence[Record], least_confidence: float) -> dict[str, Figu
 
 
 def error_chart(records: Sequence[Record]) -> Figure:
-    """Draw each published frame's error and NEES by condition, with the bounds on the rmse."""
+    """Draw error and NEES of each published frame by condition, with the bounds on the rmse."""
     figure = Figure(figsize=SIZE)
     left, right = figure.subplots(1, 2)
     names = [c.name for c in CONDITIONS]
@@ -52,7 +53,7 @@ def error_chart(records: Sequence[Record]) -> Figure:
 
 
 def confidence_chart(records: Sequence[Record], least_confidence: float) -> Figure:
-    """Draw how confident right and wrong matches are, by group."""
+    """Draw the distribution of the confidence of right and of wrong matches, by group."""
     figure = Figure(figsize=WIDE)
     panels = figure.subplots(1, len(GROUPS), sharey=True)
     bins = np.linspace(0.0, 1.0, 26)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of a made world before it is mapped: poor, repeated or featureless ground."""
+"""Changes of a generated world before mapping: poor, repeated or featureless ground."""
 
 from __future__ import annotations
 
@@ -17,17 +17,24 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.synthetic.paths import Path
 from gip_localizer.synthetic.worlds import World
 
-PAINT = 0.6  # reflectance above which the ground is paint
-POOR_BLUR_M = 1.0  # standard deviation over which unpainted ground is smoothed
-PERIOD_M = 0.6  # of repeated ground: shorter than any window, so that a twin is always in it
+PAINT = 0.6
+"""Reflectance, in [0, 1], above which the ground is paint; between that of asphalt and paint."""
+POOR_BLUR_M = 1.0
+"""Standard deviation of the Gaussian that smooths unpainted ground, metres; chosen."""
+PERIOD_M = 0.6
+"""Period of repeated ground, metres; below the search window, which then has equal places."""
 LANE_SIZE_M = (80.0, 14.0)
+"""Length and width of the world with a straight lane, metres; chosen."""
 LANE_HALF_M, LINE_M = 1.75, 0.12
+"""Half-width of the lane and width of its lines, metres: those of the synthetic road."""
 ASPHALT, LINE = 0.3, 0.78
-NOISE_PATCH_M = 0.1  # standard deviation of the kernel of a map's patchy errors
+"""Reflectances of asphalt and line, in [0, 1]: those of the synthetic road."""
+NOISE_PATCH_M = 0.1
+"""Standard deviation of the Gaussian that correlates part of a map's errors, metres; chosen."""
 
 
 def poor(world: World) -> World:
-    """Return the world with paint alone: asphalt without grain, cracks and patches."""
+    """Return the world with paint on asphalt without texture: no grain, cracks or patches."""
     raster = world.raster
     grey = scaled(raster.grey)
     painted = cv2.dilate((grey > PAINT).astype(np.float32), np.ones((3, 3)))
@@ -39,7 +46,7 @@ def poor(world: World) -> World:
 
 
 def repeated(world: World) -> World:
-    """Return the world with the ground of its corner repeated all over."""
+    """Return the world whose ground repeats that of its upper left corner."""
     raster = world.raster
     side = round(PERIOD_M / raster.resolution)
     rows, cols = raster.grey.shape
@@ -67,11 +74,11 @@ def _regrounded(world: World, grey: Floats) -> World:
 GROUNDS: dict[str, Callable[[World], World]] = {
     'as made': lambda world: world, 'poor': poor, 'repeated': repeated, 'lane': lane,
 }
-"""By the names that a `Setup` uses."""
+"""Changes by the names that a `Setup` uses."""
 
 
 def noisy_map(raster: RasterMap, sigma: float, seed: int) -> RasterMap:
-    """Return a map whose cells are off by white noise, and by as much in patches."""
+    """Return a map with white noise, and with errors that are equal over small patches."""
     rng = np.random.default_rng([seed, 4711])
     grey = scaled(raster.grey)
     white, patchy = rng.normal(0.0, sigma, (2, *grey.shape))

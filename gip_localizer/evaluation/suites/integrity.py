@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Suite `integrity`: half of the frames start at a wrong place."""
+"""Suite `integrity`: every second frame starts at a wrong place."""
 
 from __future__ import annotations
 
@@ -38,38 +38,42 @@ GROUPS: dict[str, tuple[Setup, ...]] = {
     RICH_NAME: RICH, POOR_NAME: POOR, 'poor texture, noisy map': (POOR_NOISY,),
     'repeated texture': (REPEATED,), 'behind cars': (CARS,),
 }
-"""The parts by group; a share of right fixes is demanded of the first two."""
+"""Setups by group; for the first two groups the fraction of withheld right matches is bounded."""
 MOST_WITHHELD = {RICH_NAME: 0.01, POOR_NAME: 0.1}
-"""Largest shares of right fixes withheld as the localizer decides, whose limit is stricter."""
+"""Largest fractions of right matches that the localizer may withhold, by group; chosen."""
 RIGHT = 'right'
 WRONG_KINDS = ('outside the window', 'another street', 'off the map', 'beside the road')
-AHEAD_M, ASIDE_M, TURN = (1.5, 5.0), 0.5, 0.05  # of starts outside the window
-FAR_M = 5.0  # another street is at least so far
-OFF_M, BESIDE_M = (2.0, 20.0), (6.0, 12.0)
-LEAST_WITHHELD, MOST_LOST = 0.95, 0.01  # the separation that is demanded
+AHEAD_M, ASIDE_M, TURN = (1.5, 5.0), 0.5, 0.05
+"""Offsets (m, m, rad) of starts outside the window: range ahead, largest left and yaw; chosen."""
+FAR_M = 5.0
+"""Least distance of a start at another street, metres; chosen."""
+OFF_M, ROADSIDE_M = (2.0, 20.0), (6.0, 12.0)
+"""Ranges of the distance from the map's edge and from the lane, metres; chosen."""
+LEAST_WITHHELD, MOST_LOST = 0.95, 0.01
+"""Required separation: least fraction of wrong starts withheld, largest of right lost; chosen."""
 
 
 class Integrity:
-    """Right and wrong priors in turn; wrong ones of each kind in turn."""
+    """Right and wrong starts alternate; the wrong ones alternate between their kinds."""
 
     name = 'integrity'
     title = 'Right and wrong starts'
     columns = (
-        'set', 'right starts', 'of these withheld', 'wrong starts', 'of these withheld',
+        'set', 'right starts', 'right withheld', 'wrong starts', 'wrong withheld',
         'wrong poses', 'best separation: right lost at 95 % withheld',
     )
 
     @property
     def setups(self) -> Mapping[str, Setup]:
-        """The parts by name."""
+        """Setups by name."""
         return {setup.name: setup for group in GROUPS.values() for setup in group}
 
     def count(self, part: str, frames: int) -> int:
-        """Return the trials of each part."""
+        """Return the number of trials per setup."""
         return frames
 
     def run(self, bench: Bench, part: str, index: int) -> list[Record]:
-        """Localize one frame from a start of the index's kind."""
+        """Localize one frame from a start whose kind depends on the index."""
         rng = bench.rng(index)
         frame = bench.frame(rng)
         kind = kind_of(part, index)
@@ -78,7 +82,7 @@ class Integrity:
         return [Record(self.name, part, index, kind, compared(estimate, frame.truth))]
 
     def summarise(self, records: Sequence[Record]) -> Section:
-        """Return a row per group and per part."""
+        """Return a row per group and per setup."""
         rows: list[Sequence[Cell]] = []
         demands: list[Bound] = []
         for group, setups in GROUPS.items():
@@ -90,23 +94,23 @@ class Integrity:
         kinds = [(f'any: {kind}', [r for r in records if r.kind == kind]) for kind in WRONG_KINDS]
         rows += [_row(*kind) for kind in kinds]
         return Section(self.name, self.title, self.columns, rows, demands, (
-            'A wrong start is withheld where no wrong pose is published from it; a right one is '
-            'lost where nothing is published. Right: the truth lies in the window.',
+            'A start is right if its window holds the truth. A wrong start counts as withheld if '
+            'no wrong pose is published from it, a right one if no pose is published.',
             'Repeated ground has several equal places in every window, so every start is wrong.',
-            'best separation: the share of right fixes below the confidence that 95 % of the '
-            'wrong ones do not reach.',
+            'Best separation: with a limit on the confidence that withholds 95 % of the wrong '
+            'matches, the fraction of right matches below this limit.',
         ))
 
 
 def kind_of(part: str, index: int) -> str:
-    """Return where a trial starts."""
+    """Return the kind of start of a trial."""
     if part == REPEATED.name:
         return 'repeated'
     return RIGHT if index % 2 == 0 else WRONG_KINDS[index // 2 % len(WRONG_KINDS)]
 
 
 def wrong_start(kind: str, truth: Pose2, bench: Bench, rng: np.random.Generator) -> Pose2:
-    """Draw a start of a kind; right and repeated ones near the truth."""
+    """Draw a start of a kind; the kinds `right` and `repeated` are near the truth."""
     if kind == 'outside the window':
         ahead = float(rng.choice([-1.0, 1.0])) * rng.uniform(*AHEAD_M)
         aside, turn = rng.uniform(-ASIDE_M, ASIDE_M), rng.uniform(-TURN, TURN)
@@ -117,7 +121,7 @@ def wrong_start(kind: str, truth: Pose2, bench: Bench, rng: np.random.Generator)
             if np.hypot(other.x - truth.x, other.y - truth.y) > FAR_M:
                 return other
     if kind == 'beside the road':
-        aside = float(rng.choice([-1.0, 1.0])) * rng.uniform(*BESIDE_M)
+        aside = float(rng.choice([-1.0, 1.0])) * rng.uniform(*ROADSIDE_M)
         return truth @ Pose2(0.0, float(aside), float(rng.uniform(-np.pi, np.pi)))
     if kind == 'off the map':
         return _off_map(bench, rng)
@@ -125,7 +129,7 @@ def wrong_start(kind: str, truth: Pose2, bench: Bench, rng: np.random.Generator)
 
 
 def _off_map(bench: Bench, rng: np.random.Generator) -> Pose2:
-    """Draw a pose some metres outside the map's edge."""
+    """Draw a pose at a distance of `OFF_M` outside the map's edge."""
     width, height = bench.raster_map.size_m
     out = float(rng.uniform(*OFF_M))
     along_x, along_y = float(rng.uniform(0.0, width)), float(rng.uniform(0.0, height))
@@ -149,7 +153,7 @@ def _percent(value: float) -> str:
 
 
 def confidences(records: Sequence[Record], *, right: bool) -> np.ndarray:  # type: ignore[type-arg]
-    """Return the confidence of right matches from right starts, or of wrong ones; 0: no match."""
+    """Return the confidence of right matches from right starts, or of wrong matches; 0: none."""
     chosen = [
         r.trial for r in records
         if (r.kind == RIGHT) == right
@@ -159,7 +163,7 @@ def confidences(records: Sequence[Record], *, right: bool) -> np.ndarray:  # typ
 
 
 def lost_at(records: Sequence[Record], withheld: float) -> float:
-    """Share of right starts below the confidence that withholds a share of the wrong matches."""
+    """Return the fraction of right matches lost by a limit that withholds enough wrong ones."""
     right, wrong = confidences(records, right=True), confidences(records, right=False)
     if not len(right) or not len(wrong):
         return float('nan')
@@ -171,16 +175,16 @@ def _bounds(group: str, records: Sequence[Record]) -> list[Bound]:
     wrong = [r.trial for r in records if r.kind != RIGHT]
     demands = [
         Bound(group, 'wrong poses published', sum(r.trial.wrong for r in records), 0),
-        Bound(group, 'share of wrong starts withheld',
+        Bound(group, 'fraction of wrong starts withheld',
               share(sum(not t.wrong for t in wrong), len(wrong)), LEAST_WITHHELD, at_most=False),
     ]
     if group in MOST_WITHHELD:
         right = _right_fixes(records)
         lost = share(sum(t.error is None for t in right), len(right))
         demands += [
-            Bound(group, f'share of right fixes lost at {LEAST_WITHHELD:.0%} of wrong withheld',
-                  lost_at(records, LEAST_WITHHELD), MOST_LOST),
-            Bound(group, 'share of right fixes withheld', lost, MOST_WITHHELD[group]),
+            Bound(group, f'fraction of right matches lost with {LEAST_WITHHELD:.0%} of wrong '
+                  'ones withheld', lost_at(records, LEAST_WITHHELD), MOST_LOST),
+            Bound(group, 'fraction of right matches withheld', lost, MOST_WITHHELD[group]),
         ]
     return demands
 

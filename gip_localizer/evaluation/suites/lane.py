@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Suite `lane`: on a straight lane without features nothing tells how far along one is."""
+"""Suite `lane`: on a straight lane without features the position along it is not observable."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ from gip_localizer.evaluation.suites.trials import Bench, Spread, Trial
 
 LANE = replace(CLEAR, name='featureless lane', ground='lane')
 SETUPS = (LANE, replace(CLEAR, name='road'))
-LEFT_M = 0.02  # largest lateral sigma on the lane
-GROWTH = 10.0  # of the longitudinal sigma over the road's
+LEFT_M = 0.02
+"""Largest lateral sigma on the lane, metres; chosen."""
+GROWTH = 10.0
+"""Least ratio (no unit) of the longitudinal sigma on the lane to that on the road; chosen."""
 MOST_FRAMES = 60
+"""Largest number of frames per setup; chosen."""
 
 
 class Lane:
-    """Two solid lines and nothing else; the road beside it for comparison."""
+    """A lane between two solid lines without other features, compared with the road."""
 
     name = 'lane'
     title = 'A straight lane between two solid lines, no texture'
@@ -31,11 +34,11 @@ class Lane:
 
     @property
     def setups(self) -> Mapping[str, Setup]:
-        """Lane and road."""
+        """Setups of lane and road by name."""
         return {setup.name: setup for setup in SETUPS}
 
     def count(self, part: str, frames: int) -> int:
-        """Return the trials of each."""
+        """Return the number of trials per setup."""
         return min(frames, MOST_FRAMES)
 
     def run(self, bench: Bench, part: str, index: int) -> list[Record]:
@@ -43,7 +46,7 @@ class Lane:
         return [Record(self.name, part, index, '', bench.trial(index, Spread()))]
 
     def summarise(self, records: Sequence[Record]) -> Section:
-        """Return both rows and what is demanded of the lane."""
+        """Return the rows of lane and road, and the bounds on the lane."""
         lane = [r.trial for r in of_part(records, LANE.name)]
         road = [r.trial for r in of_part(records, SETUPS[1].name)]
         rows = [_row(LANE.name, lane), _row(SETUPS[1].name, road)]
@@ -54,12 +57,12 @@ class Lane:
         return Section(self.name, self.title, self.columns, rows, [
             Bound(LANE.name, 'published poses beyond 3 sigma ahead',
                   share(len(bold), len(lane)), 0.0),
-            Bound(LANE.name, 'sigma ahead over the road\'s',
+            Bound(LANE.name, 'sigma ahead relative to the road',
                   math.inf if not published else growth, GROWTH, at_most=False),
             Bound(LANE.name, 'sigma left [mm]', 1e3 * _median(lane, 'sigma_left_m'),
                   1e3 * LEFT_M),
-        ], ('Of every match, published or not; medians of sigma, root mean squares of errors. '
-            'Where nothing is published along the lane, its sigma ahead counts as grown.',))
+        ], ('All matches count, published or not: medians of sigma, root mean squares of errors. '
+            'If no pose is published on the lane, the bound on its sigma ahead counts as met.',))
 
 
 def _median(trials: Sequence[Trial], name: str) -> float:

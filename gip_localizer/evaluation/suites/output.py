@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The results folder of `gip evaluate`: JSON, CSV, figures and a page; whole or not at all."""
+"""The results folder of `gip evaluate`: JSON, CSV, figures and report; complete or not at all."""
 
 from __future__ import annotations
 
@@ -24,17 +24,18 @@ from gip_localizer.visualization.style import STYLE
 
 MARK = 'evaluation.json'
 DPI = 150
+"""Resolution of figures, dots per inch; chosen."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
     """
-    What an evaluation found.
+    The results of an evaluation.
 
     Attributes
     ----------
     settings : dict
-        Frames, seed and parameters that were set.
+        Frames, seed and changed parameters.
     sections : sequence of Section
         One per suite.
     records : sequence of Record
@@ -48,12 +49,12 @@ class Evaluation:
 
     @property
     def missed(self) -> list[str]:
-        """Return the bounds that were missed, and the frames that raised, in words."""
+        """Return one line for each missed bound and for each frame that raised an exception."""
         return [
             f'{section.name}: {bound}'
             for section in self.sections for bound in section.bounds if not bound.met
         ] + [
-            f'{r.suite}: {r.part}: trial {r.index} ended in a fault of the localizer'
+            f'{r.suite}: {r.part}: trial {r.index} raised an exception in the localizer'
             for r in self.records if r.trial.faulty
         ]
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Suite `relocalize`: from nothing, on the whole map, until the localizer speaks."""
+"""Suite `relocalize`: search the whole map without a prior until a pose is published."""
 
 from __future__ import annotations
 
@@ -17,9 +17,13 @@ from gip_localizer.evaluation.suites.suite import Bound, Cell, of_part, Record, 
 from gip_localizer.evaluation.suites.trials import Bench, compared, localized, Trial
 
 START_NS = 10**15
-APART_NS = 10**10  # each try lies so far before the one before, which starts a localizer anew
-MOST_FRAMES = 8  # images that a try may take
-TRIES, FEW_TRIES = 100, 10  # of the bounded condition, of the others
+"""Stamp of the first trial, nanoseconds; chosen."""
+APART_NS = 10**10
+"""Time, in nanoseconds, by which each trial lies before the previous one; chosen."""
+MOST_FRAMES = 8
+"""Largest number of images per trial; chosen."""
+TRIES, FEW_TRIES = 100, 10
+"""Largest number of trials of the bounded condition, and of the others; chosen."""
 SETUPS = (
     replace(CLEAR, name='clear', localizer={'motion.fuse': True}),
     replace(NIGHT, name='night', localizer={'motion.fuse': True}),
@@ -27,27 +31,28 @@ SETUPS = (
 )
 BOUNDED = 'clear'
 FOUND_AT_LEAST = 0.9
+"""Least fraction of right trials of the bounded condition; chosen."""
 
 
 class Relocalize:
-    """`~/relocalize` without a prior, then up to eight frames of a drive with odometry."""
+    """`~/relocalize` without a prior, then at most `MOST_FRAMES` frames with odometry."""
 
     name = 'relocalize'
-    title = 'Relocalization in a 60 x 40 m map from nothing'
-    columns = ('condition', 'tries', 'right', 'silent', 'wrong', 'largest error [mm]',
+    title = 'Relocalization in a map of 60 x 40 m without a prior'
+    columns = ('condition', 'trials', 'right', 'no pose', 'wrong', 'largest error [mm]',
                'frames until found', 'search [ms]')
 
     @property
     def setups(self) -> Mapping[str, Setup]:
-        """The conditions by name."""
+        """Setups by name."""
         return {setup.name: setup for setup in SETUPS}
 
     def count(self, part: str, frames: int) -> int:
-        """Return the tries of each condition: rare faults take many to be seen."""
+        """Return the number of trials per setup; rare failures need many trials."""
         return min(4 * frames, TRIES if part == BOUNDED else FEW_TRIES)
 
     def run(self, bench: Bench, part: str, index: int) -> list[Record]:
-        """Search, then follow until a pose is published or the frames are over."""
+        """Search, then track until a pose is published or `MOST_FRAMES` is reached."""
         rng = bench.rng(index)
         drive = bench.drive
         first = int(rng.integers(0, 100_000))
@@ -80,11 +85,11 @@ class Relocalize:
             if setup.name == BOUNDED:
                 found = share(sum(_right(t) for t in trials), len(trials))
                 demands.append(
-                    Bound(setup.name, 'share found', found, FOUND_AT_LEAST, at_most=False)
+                    Bound(setup.name, 'fraction found', found, FOUND_AT_LEAST, at_most=False)
                 )
         return Section(self.name, self.title, self.columns, rows, demands, (
-            f'A try ends with the first pose, or silent after {MOST_FRAMES} frames at 10 Hz; the '
-            'first frame is searched for at every place and heading of the map.',
+            f'A trial ends with the first pose, or after {MOST_FRAMES} frames at 10 Hz; for the '
+            'first frame every position and heading of the map is searched.',
         ))
 
 

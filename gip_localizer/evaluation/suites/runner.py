@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""All trials of some suites, over processes; the same records whatever their number."""
+"""Run the trials of suites in processes; the records do not depend on their number."""
 
 from __future__ import annotations
 
@@ -25,14 +25,17 @@ SUITES: dict[str, Suite] = {
     suite.name: suite
     for suite in (SingleFrame(), Integrity(), WideStart(), CramerRao(), Relocalize(), Lane())
 }
-FRAMES_OF_A_WORLD = 10  # trials of a job: frames of one world share its worst places
+FRAMES_OF_A_WORLD = 10
+"""Number of trials per world and job; chosen, since frames of one world have similar errors."""
 SEEDS_APART = 104_729
+"""Difference of the seeds of successive worlds (no unit): a prime, the 10,000th; chosen."""
 MOST_SEED = 2**31
+"""Number of allowed seeds: those of the synthetic camera."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """Some trials of one part, all in one world; `seed` is the world's."""
+    """Trials of one setup in one world; `seed` is the seed of the world."""
 
     suite: str
     part: str
@@ -45,7 +48,7 @@ class Job:
 def jobs(
     suites: Sequence[str], *, frames: int, seed: int, overrides: Mapping[str, Value]
 ) -> list[Job]:
-    """Return the jobs of some suites, part by part."""
+    """Return the jobs of suites, ordered by setup."""
     fixed = tuple(sorted(overrides.items()))
     return [
         Job(name, part, first, min(FRAMES_OF_A_WORLD, count - first), _world(seed, first), fixed)
@@ -56,12 +59,12 @@ def jobs(
 
 
 def _world(seed: int, index: int) -> int:
-    """Seed of the world that a trial is in."""
+    """Return the seed of the world of a trial."""
     return (seed + SEEDS_APART * (index // FRAMES_OF_A_WORLD)) % MOST_SEED
 
 
 def do(job: Job) -> list[Record]:
-    """Do a job's trials."""
+    """Run the trials of a job."""
     suite = SUITES[job.suite]
     bench = Bench(suite.setups[job.part], job.seed, dict(job.overrides))
     return [
@@ -74,16 +77,16 @@ def run_all(
     work: Sequence[Job], *, processes: int, done: Callable[[Job], object]
 ) -> list[Record]:
     """
-    Do all jobs.
+    Run all jobs.
 
     Parameters
     ----------
     work : sequence of Job
-        Of `jobs`.
+        Result of `jobs`.
     processes : int
-        1: in this process.
+        Number of processes; 1 runs the jobs in this process.
     done : callable
-        Told of every finished job.
+        Called after each job.
 
     Returns
     -------
@@ -117,6 +120,6 @@ def _spread(
 
 
 def _settle() -> None:
-    """Take one core, and leave Ctrl-C to the parent."""
+    """Use one core, and ignore Ctrl-C, which the parent process handles."""
     use_one_thread()
     signal.signal(signal.SIGINT, signal.SIG_IGN)

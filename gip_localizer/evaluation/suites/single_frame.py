@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Suite `conditions`: errors, honesty and availability of single frames, by condition."""
+"""Suite `conditions`: errors, consistency and availability of single frames, by condition."""
 
 from __future__ import annotations
 
@@ -24,13 +24,16 @@ from gip_localizer.evaluation.suites.suite import (
 from gip_localizer.evaluation.suites.trials import Bench, Spread, Trial
 
 FREEDOM = 3
-MOST_NEES = 6.0  # where the model does not hold: overconfident by at most a factor 2
-VACUOUS = 3.0  # reported standard deviations over the actual error
+"""Degrees of freedom of the NEES: x, y and yaw."""
+MOST_NEES = 6.0
+"""Largest mean NEES (no unit) where the model does not hold: twice the expected value; chosen."""
+MOST_SIGMA_RATIO = 3.0
+"""Largest ratio (no unit) of reported sigma to root mean square error; chosen."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """Figures of a condition; NaN where nothing was published."""
+    """Metrics of a condition; NaN where no pose was published."""
 
     frames: int
     published: int
@@ -45,7 +48,7 @@ class Summary:
 
 
 def summary(trials: Sequence[Trial]) -> Summary:
-    """Return the figures of a condition's trials."""
+    """Return the metrics of the trials of a condition."""
     shown = [t for t in trials if t.error is not None and t.covariance is not None]
     raw = np.array([t.raw_error for t in trials if t.raw_error is not None]).reshape(-1, 3)
     errors = np.array([t.error for t in shown]).reshape(-1, 3)
@@ -67,7 +70,7 @@ def _rms(values: np.ndarray) -> float:  # type: ignore[type-arg]
 
 
 def nees_band(count: int) -> tuple[float, float]:
-    """95 % band of the mean NEES of so many frames, 3 degrees of freedom."""
+    """Return the 95 % band of the mean NEES of `count` frames, 3 degrees of freedom."""
     if count == 0:
         return math.nan, math.nan
     low, high = chi2.ppf([0.025, 0.975], FREEDOM * count) / count
@@ -75,7 +78,7 @@ def nees_band(count: int) -> tuple[float, float]:
 
 
 def bounds(condition: Condition, found: Summary) -> list[Bound]:
-    """Return what is demanded of a condition."""
+    """Return the bounds of a condition."""
     low, high = nees_band(found.published)
     if not condition.model_holds:
         low, high = 0.0, MOST_NEES
@@ -86,8 +89,10 @@ def bounds(condition: Condition, found: Summary) -> list[Bound]:
               condition.rmse_yaw_deg),
         Bound(row, 'wrong poses published', found.wrong, 0),
         Bound(row, 'mean NEES', found.nees, high),
-        Bound(row, 'sigma over rmse, position', ratio(found.sigma_xy, found.rmse_xy), VACUOUS),
-        Bound(row, 'sigma over rmse, yaw', ratio(found.sigma_yaw, found.rmse_yaw), VACUOUS),
+        Bound(row, 'sigma over rmse, position', ratio(found.sigma_xy, found.rmse_xy),
+              MOST_SIGMA_RATIO),
+        Bound(row, 'sigma over rmse, yaw', ratio(found.sigma_yaw, found.rmse_yaw),
+              MOST_SIGMA_RATIO),
     ]
     if condition.model_holds:
         demands.insert(4, Bound(row, 'mean NEES', found.nees, low, at_most=False))
@@ -95,22 +100,22 @@ def bounds(condition: Condition, found: Summary) -> list[Bound]:
 
 
 class SingleFrame:
-    """Starts spread over ±0.5 m and ±3°, no filter."""
+    """Single frames without filter, with starts within ±0.5 m and ±3°."""
 
     name = 'conditions'
-    title = 'Single frames, no filter, starts within 0.5 m and 3 degrees'
+    title = 'Single frames without filter, starts within 0.5 m and 3 degrees'
     columns = (
         'condition', 'frames', 'published', 'rmse [mm]', 'bound', 'largest [mm]', 'yaw [deg]',
-        'bound', 'wrong', 'NEES', 'band', 'sigma/rmse', 'unfiltered rmse [mm]',
+        'bound', 'wrong', 'NEES', 'band', 'sigma/rmse', 'all-match rmse [mm]',
     )
 
     @property
     def setups(self) -> Mapping[str, Condition]:
-        """The conditions by name."""
+        """Conditions by name."""
         return {condition.name: condition for condition in CONDITIONS}
 
     def count(self, part: str, frames: int) -> int:
-        """Return the trials of each condition."""
+        """Return the number of trials per condition."""
         return frames
 
     def run(self, bench: Bench, part: str, index: int) -> list[Record]:
@@ -126,9 +131,9 @@ class SingleFrame:
             rows.append(_row(condition, found))
             demands += bounds(condition, found)
         return Section(self.name, self.title, self.columns, rows, demands, (
-            'NEES: mean normalised squared error of the published poses, 3 degrees of freedom; '
-            'the band is where it lies with 95 % probability if the covariances are true.',
-            'unfiltered: of every match, also of those that were withheld.',
+            'NEES: mean normalised squared error of the published poses, 3 degrees of freedom. If '
+            'the covariances are true, it lies in the band with a probability of 95 %.',
+            'All-match rmse: of every match, including the withheld ones.',
         ))
 
 

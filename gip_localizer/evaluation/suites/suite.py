@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a suite is: parts to try, records of the trials, a table and bounds."""
+"""The parts of a suite: setups, records of trials, a result table and bounds."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class Record:
     Attributes
     ----------
     suite, part : str
-        What was tried.
+        Name of the suite and of its setup.
     index : int
-        Number of the trial within the part.
+        Number of the trial within the setup.
     kind : str
-        Where the start was, or which method was used; empty where there is one only.
+        Kind of start or method; empty if there is only one.
     trial : Trial
-        What came of it.
+        Result of the trial.
     figures : dict
-        More numbers, by name.
+        Further numbers by name.
 
     """
 
@@ -45,7 +45,7 @@ class Record:
 
 @dataclass(frozen=True)
 class Bound:
-    """A demand: the value at most (or at least) the limit; NaN never meets it."""
+    """A bound: the value must be at most (or at least) the limit; NaN misses it."""
 
     row: str
     what: str
@@ -55,11 +55,11 @@ class Bound:
 
     @property
     def met(self) -> bool:
-        """Whether the demand is met."""
+        """True if the bound is met."""
         return self.value <= self.limit if self.at_most else self.value >= self.limit
 
     def __str__(self) -> str:
-        """Say it in words."""
+        """Return the bound as a sentence."""
         sign = 'at most' if self.at_most else 'at least'
         return f'{self.row}: {self.what} {self.value:.4g}, expected {sign} {self.limit:.4g}'
 
@@ -67,20 +67,20 @@ class Bound:
 @dataclass(frozen=True)
 class Section:
     """
-    What a suite found.
+    The results of a suite.
 
     Attributes
     ----------
     name, title : str
-        Of the suite.
+        Name and title of the suite.
     columns : sequence of str
-        Headings.
+        Headings of the table.
     rows : sequence of sequences
-        Cells, numbers as numbers.
+        Cells of the table; numbers are not converted to text.
     bounds : sequence of Bound
-        What was demanded.
+        The bounds, met or missed.
     notes : sequence of str
-        What a reader must know.
+        Explanations for the reader.
 
     """
 
@@ -100,28 +100,28 @@ class Suite(Protocol):
 
     @property
     def setups(self) -> Mapping[str, Setup]:
-        """What is rendered, by part."""
+        """Setups by name."""
 
     def count(self, part: str, frames: int) -> int:
-        """Return the trials of a part, of the frames that the user asks for."""
+        """Return the number of trials of a setup for the `--frames` of the user."""
 
     def run(self, bench: Bench, part: str, index: int) -> list[Record]:
-        """Do one trial."""
+        """Run one trial."""
 
     def summarise(self, records: Sequence[Record]) -> Section:
         """Return table and bounds."""
 
 
 def of_part(records: Sequence[Record], part: str, kind: str | None = None) -> list[Record]:
-    """Return the records of a part, and of a kind if one is named."""
+    """Return the records of a setup, and of a kind if one is given."""
     return [r for r in records if r.part == part and kind in (None, r.kind)]
 
 
 def share(count: int, total: int) -> float:
-    """Return a share; NaN of nothing."""
+    """Return count / total; NaN if total is 0."""
     return count / total if total else math.nan
 
 
 def ratio(value: float, other: float) -> float:
-    """Return a ratio; infinite over zero."""
+    """Return value / other; inf if other is 0."""
     return value / other if other else math.inf

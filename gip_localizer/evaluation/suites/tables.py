@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of an evaluation as text, as CSV rows and as plain data."""
+"""The tables of an evaluation as text, as CSV rows and as data for JSON."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ COLUMNS = (
 
 
 def text(cell: Cell) -> str:
-    """Return a cell as it is read; numbers that are none as a dash."""
+    """Return a cell as text; NaN and infinity become a dash."""
     if isinstance(cell, float):
         return f'{cell:g}' if math.isfinite(cell) else '-'
     return str(cell)
 
 
 def format_section(section: Section) -> str:
-    """Return a section as aligned text, its missed bounds below."""
+    """Return a section as aligned text, followed by its missed bounds."""
     lines = [[text(cell) for cell in line] for line in (section.columns, *section.rows)]
     wide = [max(len(line[k]) for line in lines) for k in range(len(section.columns))]
     table = [
@@ -68,7 +68,7 @@ def _number(value: float | None) -> str:
 
 
 def plain(section: Section) -> dict[str, Any]:
-    """Return a section for JSON."""
+    """Return a section as data for JSON."""
     return {
         'title': section.title,
         'columns': list(section.columns),
@@ -83,12 +83,12 @@ def plain(section: Section) -> dict[str, Any]:
 
 
 def _json(value: Cell) -> Cell | None:
-    """JSON knows no NaN and no infinity."""
+    """Return a cell for JSON, which has neither NaN nor infinity."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def totals(records: Sequence[Record]) -> dict[str, int]:
-    """Return frames tried, frames from starts whose window holds the truth, and wrong poses."""
+    """Return the numbers of frames, of frames from right starts, and of wrong poses."""
     near = [r for r in records if r.suite != 'integrity' or r.kind == 'right']
     frames = {(r.suite, r.part, r.index) for r in records}
     return {

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Single-frame trials: render a frame somewhere, start somewhere near, localize, compare."""
+"""Trials of single frames: render a frame, draw a start near it, localize, compare."""
 
 from __future__ import annotations
 
@@ -28,51 +28,55 @@ from gip_localizer.synthetic.motions import make_motion
 from gip_localizer.synthetic.scenarios import scenario_parameters
 
 FRAME_NS = 1_000_000_000
-WRONG_XY = 0.5  # m
+"""Time between two trials, nanoseconds; chosen."""
+WRONG_XY = 0.5
+"""Position error, in metres, above which a pose is wrong; chosen."""
 WRONG_YAW = np.radians(2.0)
-PLACES = 100_000  # frames of an endless drive that trials are drawn from
+"""Yaw error, in rad, above which a pose is wrong; chosen."""
+PLACES = 100_000
+"""Number of frames of a drive without end from which trials are drawn; chosen."""
 ORIGIN = Pose2(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Spread:
-    """Half-widths of the starts' offsets from the truth (m, m, rad)."""
+    """Largest offsets of starts from the truth (m, m, rad)."""
 
     x: float = 0.5
     y: float = 0.5
     yaw: float = float(np.radians(3.0))
 
     def offset(self, rng: np.random.Generator) -> Pose2:
-        """Draw an offset, evenly."""
+        """Draw an offset from the uniform law."""
         return Pose2(*(rng.uniform(-1, 1, 3) * [self.x, self.y, self.yaw]).tolist())
 
     @property
     def covariance(self) -> Floats:
-        """Of the offsets, (3, 3)."""
+        """Covariance (3, 3) of the offsets."""
         return np.diag(np.array([self.x, self.y, self.yaw]) ** 2 / 3.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
     """
-    One frame's outcome.
+    The result of one frame.
 
     Attributes
     ----------
     status : str
         Status of the estimate.
     error : (3,) float64 or None
-        Ahead, left (m) and yaw (rad) of the published pose, in the truth's axes.
+        Error of the published pose: ahead, left (m), yaw (rad), in the axes of the true pose.
     raw_error : (3,) float64 or None
-        The same of the best match, published or not.
+        The same for the best match, published or not.
     covariance : (3, 3) float64 or None
-        Of the error, in the same axes.
+        Covariance of the error, in the same axes.
     fisher : (3, 3) float64 or None
-        Cramér-Rao bound of the error, as the localizer estimates it.
+        Cramér-Rao bound of the error as estimated by the localizer.
     quality : dict
-        The figures of the estimate.
+        Quality figures of the estimate.
     milliseconds : float
-        Time of the update.
+        Duration of the update.
 
     """
 
@@ -86,31 +90,31 @@ class Trial:
 
     @property
     def wrong(self) -> bool:
-        """Whether a pose was published that is off by more than 0.5 m or 2 degrees."""
+        """True if a pose was published whose error exceeds 0.5 m or 2 degrees."""
         return self.error is not None and is_wrong(self.error)
 
     @property
     def faulty(self) -> bool:
-        """Whether the localizer raised an error that nobody foresaw."""
+        """True if the localizer raised an unexpected exception."""
         return self.status == str(Status.FAULT)
 
     @property
     def nees(self) -> float:
-        """Squared error of the published pose over its covariance; NaN without one."""
+        """Normalized squared error of the published pose; NaN without a published pose."""
         if self.error is None or self.covariance is None:
             return float('nan')
         return float(self.error @ np.linalg.solve(self.covariance, self.error))
 
 
 def is_wrong(error: Floats) -> bool:
-    """Whether an error (ahead, left, yaw) is beyond 0.5 m or 2 degrees."""
+    """Return True if an error (ahead, left, yaw) exceeds 0.5 m or 2 degrees."""
     return bool(np.hypot(error[0], error[1]) > WRONG_XY or abs(error[2]) > WRONG_YAW)
 
 
 def localizer_parameters(
     setup: Setup, drive: SyntheticDrive, overrides: Mapping[str, Value]
 ) -> Parameters:
-    """Return the parameters of the localizer for a setup's camera."""
+    """Return the parameters of the localizer for the camera of a setup."""
     held = drive.parameters.camera
     camera = {
         'camera.x': held.x, 'camera.y': held.y, 'camera.z': held.z, 'camera.roll': held.roll,
@@ -121,16 +125,16 @@ def localizer_parameters(
 
 class Bench:
     """
-    World, camera, map and localizer of a setup.
+    Test bench: world, camera, map and localizer of a setup.
 
     Parameters
     ----------
     setup : Setup
-        What is rendered and how it is localized.
+        Settings for rendering and localizing.
     seed : int
-        Of the world, the noise and the trials.
+        Seed of the world, the noise and the trials.
     overrides : dict
-        Parameters of the localizer on top of the setup's.
+        Changes of the localizer's parameters, applied after those of the setup.
 
     """
 
@@ -151,17 +155,17 @@ class Bench:
         self._stamp_ns = 0
 
     def rng(self, index: int) -> np.random.Generator:
-        """Return the random numbers of a trial."""
+        """Return the random number generator of a trial."""
         return np.random.default_rng([self.seed, 90210, index])
 
     def frame(self, rng: np.random.Generator) -> SyntheticFrame:
-        """Render a frame somewhere along the lane."""
+        """Render a frame at a random place along the lane."""
         places = min(PLACES, int(self.drive.motion.duration * self.drive.parameters.rate)
                      if np.isfinite(self.drive.motion.duration) else PLACES)
         return self.drive.frame(int(rng.integers(0, places)))
 
     def localize(self, image: Grey, prior: Pose2, covariance: Floats) -> Estimate:
-        """Localize one frame from a fresh prior; nothing stays from the frames before."""
+        """Localize one frame from a new prior, independent of earlier frames."""
         if self._localizer is None:
             self._localizer = Localizer(self.raster_map, self.parameters)
         self._stamp_ns += FRAME_NS
@@ -179,13 +183,13 @@ class Bench:
 def localized(
     localizer: Localizer, stamp_ns: int, image: Grey, camera: CameraModel
 ) -> Estimate:
-    """Localize a frame; an error that nobody foresaw is told, and costs this frame alone."""
+    """Localize a frame; an unexpected exception is printed and affects only this frame."""
     work = partial(localizer.update, stamp_ns, image, camera)
     return run_guarded(work, stamp_ns, partial(print, file=sys.stderr))
 
 
 def compared(estimate: Estimate, truth: Pose2) -> Trial:
-    """Return what came of an estimate."""
+    """Return the trial of an estimate."""
     fit = estimate.match.fit if estimate.match else None
     error = raw = covariance = None
     if fit is not None:

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Suite `cmrnet`: one frame, a start up to 3.5 m and 17 degrees off, as in CMRNet's protocol.
+Suite `cmrnet`: one frame, start errors up to 3.5 m and 17 degrees, as in CMRNet's protocol.
 
-The norms judge the same view on the same lattice, so that only their weights differ; ORB matches
-features; `localizer` is the whole pipeline with its refinement. A success lies within 0.5 m and
-2 degrees of the truth.
+The norms score the same view on the same lattice, so that only their weights differ. ORB matches
+features. `localizer` is the complete pipeline with its refinement. A trial succeeds if the error
+is within 0.5 m and 2 degrees.
 
 """
 
@@ -34,6 +34,7 @@ from gip_localizer.parameters import Birdseye
 from gip_localizer.parameters.spec import Value
 
 START = Spread(3.5, 3.5, math.radians(17.0))
+"""Largest offsets of starts (m, m, rad): those of CMRNet's protocol."""
 WINDOW: dict[str, Value] = {
     'search.x': 3.6, 'search.y': 3.6, 'search.yaw': math.radians(18.0), 'search.yaw_step': 0.0175,
 }
@@ -55,29 +56,32 @@ NORMS = {  # method: (weights, gain and offset profiled out)
 }
 ORB, OURS = 'ORB + homography', 'localizer'
 METHODS = (OURS, *NORMS, ORB)
-DECAY = 1e-3  # 1/m²
+DECAY = 1e-3
+"""Decay of the weights with the squared distance, 1/m²: that of YabLoc."""
 ORB_CELL_M = 0.02
-SHARE_OF_FRAMES = 5  # a frame costs as much as so many narrow ones
+"""Cell size of the view for ORB, metres; chosen."""
+SHARE_OF_FRAMES = 5
+"""Divisor of `--frames`: a wide search takes about as long as five narrow ones; chosen."""
 
 
 class WideStart:
-    """Success of single frames from ±3.5 m and ±17°."""
+    """Success rates of single frames from starts within ±3.5 m and ±17°."""
 
     name = 'cmrnet'
-    title = 'Success of one frame from a start up to 3.5 m and 17 degrees off'
+    title = 'Success rate of one frame from start errors up to 3.5 m and 17 degrees'
     columns = ('condition', 'frames', *METHODS)
 
     @property
     def setups(self) -> Mapping[str, Setup]:
-        """The conditions by name."""
+        """Setups by name."""
         return {setup.name: setup for setup in SETUPS}
 
     def count(self, part: str, frames: int) -> int:
-        """Return the trials of each condition."""
+        """Return the number of trials per setup."""
         return max(frames // SHARE_OF_FRAMES, 1)
 
     def run(self, bench: Bench, part: str, index: int) -> list[Record]:
-        """Let every method find one frame."""
+        """Localize one frame with every method."""
         rng = bench.rng(index)
         frame = bench.frame(rng)
         start = frame.truth @ START.offset(rng)
@@ -89,17 +93,18 @@ class WideStart:
                 for name, trial in {OURS: ours, **trials}.items()]
 
     def summarise(self, records: Sequence[Record]) -> Section:
-        """Return success rates by condition and method."""
+        """Return the success rates by condition and method."""
         rows: list[Sequence[Cell]] = [_row(s.name, of_part(records, s.name)) for s in SETUPS]
         rows.append(_row('ALL', records))
         ours, total = _successes(records, OURS)
         demands = [
-            Bound('all', f'success of {name}, less ours',
+            Bound('all', f'success of {name} minus that of the localizer',
                   share(_successes(records, name)[0] - ours, total), 0.0)
             for name in (*NORMS, ORB)
         ]
         return Section(self.name, self.title, self.columns, rows, demands, (
-            'Success: the best match, published or not, within 0.5 m and 2 degrees.',
+            'Success: the error of the best match, published or not, is within 0.5 m and '
+            '2 degrees.',
             'gip, gip_normalized, euclidean, euclidean_normalized and distance decay '
             '(weights exp(-0.001 d²), normalized) on the same view and lattice, cells of 0.1 m.',
         ))
@@ -127,7 +132,7 @@ _rectifiers: weakref.WeakKeyDictionary[Bench, dict[float, Rectifier]] = (
 
 
 def rectifier(bench: Bench, cell: float) -> Rectifier:
-    """Return the bench's rectifier to cells of a size; made once."""
+    """Return the rectifier of a bench for a cell size in metres; it is made once."""
     made = _rectifiers.setdefault(bench, {})
     if cell not in made:
         view = bench.parameters.birdseye
@@ -153,7 +158,7 @@ def _by_norms(bench: Bench, image: np.ndarray, start: Pose2) -> dict[str, Pose2 
 
 
 def _weights(view: View, pixel_noise: float, map_noise: float) -> dict[str, Floats]:
-    """Return the Gramian, equal weights, and weights that fall with the distance."""
+    """Return three weights: the Gramian, equal weights, and weights that decay with distance."""
     equal = view.valid.astype(np.float32)
     distance_sq = (view.grid.points() ** 2).sum(axis=1).reshape(view.grid.shape)
     return {
