@@ -17,14 +17,14 @@ import pytest
 from scipy import sparse
 
 from gip_localizer.core import cell_means
-from gip_localizer.core.birdseye.byte_footprints import BLOCK
 from gip_localizer.core.birdseye.footprint_means import FootprintMeans
 from gip_localizer.core.birdseye.footprints import PARTS
 from gip_localizer.core.cell_means import downsampled
 from gip_localizer.core.kernels import library as compiled
+from gip_localizer.core.kernels.library import BLOCK, MARGIN, MOST_SLOPE, PlaneArray
 from gip_localizer.core.match import fft as spectra
-from gip_localizer.core.match.compiled_scores import Buffer, Comparison
-from gip_localizer.core.match.template_rotation import MARGIN, MOST_SLOPE, Templates
+from gip_localizer.core.match.compiled_scores import Comparison
+from gip_localizer.core.match.template_rotation import Templates
 
 needs_kernels = pytest.mark.skipif(not compiled.AVAILABLE, reason='no C compiler built them')
 
@@ -116,7 +116,7 @@ def test_few_sums_equal_the_definition(size):
     found = np.full((1, 2, n_x, n_y), np.nan, np.float32)
     comparison = Comparison(Templates(2, (4, 5)), fields, terms, 0)
     none = np.empty((1, 0), np.float32)
-    comparison.compare([np.eye(2, 3)], [Buffer(turned)], [True], none, start, found)
+    comparison.compare([np.eye(2, 3)], [PlaneArray(turned)], [True], none, start, found)
     for sums, term in zip(found[0], terms, strict=True):
         expected = sum((windows[f] * turned[t]).sum(axis=(2, 3)) for t, f in term)
         np.testing.assert_allclose(sums, expected, atol=1e-6 * rows * cols / 12.0)
@@ -125,10 +125,10 @@ def test_few_sums_equal_the_definition(size):
 @needs_kernels
 @pytest.mark.parametrize('start', [(-1, 0), (0, -1), (4, 0), (0, 3)])
 def test_few_sums_read_nothing_beyond_the_fields(start):
-    room, fields = Buffer(np.zeros((1, 5, 6), np.float32)), np.zeros((1, 10, 11), np.float32)
+    room, fields = PlaneArray(np.zeros((1, 5, 6), np.float32)), np.zeros((1, 10, 11), np.float32)
     comparison = Comparison(Templates(1, (5, 6)), fields, [((0, 0),)], 0)
     none, sums = np.empty((1, 0), np.float32), np.zeros((1, 1, 3, 4), np.float32)
-    with pytest.raises(AssertionError):
+    with pytest.raises(ValueError, match='out of fields'):
         comparison.compare([np.eye(2, 3)], [room], [True], none, start, sums)
 
 
@@ -141,7 +141,7 @@ def test_turns_and_their_sums_are_those_of_single_ones(yaws):
     fields = np.random.default_rng(7).random((1, 30, 29), np.float32)
     affines = [np.array([[np.cos(a), -np.sin(a), 3.0], [np.sin(a), np.cos(a), 2.0]]) for a in yaws]
     comparison = Comparison(templates, fields, [((2, 0),), ((0, 0), (1, 0))], 2)
-    room = Buffer(np.empty((3, 25, 22), np.float32))
+    room = PlaneArray(np.empty((3, 25, 22), np.float32))
     sums, totals = comparison.sums_in(room, affines, (4, 5))
     windows = sliding_window_view(fields[0], (25, 22))[:4, :5]
     for k, affine in enumerate(affines):
@@ -260,6 +260,68 @@ def test_planes_between_transforms_equal_the_definition(way, monkeypatch):
             out = right[0] if count == 1 else np.empty(shape, np.complex64)
             spectra.add_products(pairs, out, np.empty(shape, np.complex64))
             np.testing.assert_allclose(out, expected, rtol=1e-5)
+
+
+BAD = {
+    'a buffer of other rows': 'compare([EYE], [ones(2, 6, 5), ones(2, 5, 5)], ones(1, 0), (0, 0))',
+    'totals too few': 'compare([EYE], [ones(2, 5, 5)], ones(2, 0), (0, 0))',
+    'beyond the fields': 'compare([EYE], [ones(2, 5, 5)], ones(1, 0), (7, 0))',
+    'other planes': 'library.turn_little(planes(2, 30, 30), EYE, ones(3, 5, 5))',
+    'an affine of float32': 'library.turn_little(planes(2, 30, 30), ones(2, 3), ones(2, 5, 5))',
+    'gaps in a row': 'library.PlaneArray(ones(2, 5, 6)[:, :, ::2])',
+    'cells of float64': 'library.average_cells(np.ones((9, 9)), ones(2), 2, (0, 0), (4, 4), '
+                        'replicate=False)',
+    'no larger cells': 'library.average_cells(ones(9, 9), ones(2), 2, (0, 0), (0, 4), '
+                       'replicate=False)',
+    'a pair too large': 'library.pair_planes(ones(2, 5, 5), np.zeros((4, 9), "c8"))',
+    'factors of two shapes': 'library.sum_complex_products([(np.zeros((2, 3), "c8"), '
+                             'np.zeros((2, 2), "c8"))], np.zeros((2, 3), "c8"))',
+    'blocks beyond the image': 'means(np.zeros((2, 17), "u1"), np.array([20], "i4"))',
+    'an image of floats': 'means(ones(2, 17), np.array([0], "i4"))',
+    'a cell beyond the means': 'means(np.zeros((2, 17), "u1"), np.array([0], "i4"), 5)',
+}
+CALLS = """
+import sys
+import numpy as np
+from gip_localizer.core.kernels import library
+
+if __debug__:
+    sys.exit('run it with -O')
+EYE = np.eye(2, 3)
+
+def ones(*shape):
+    return np.ones(shape, np.float32)
+
+def planes(*shape):
+    return library.PlaneArray(ones(*shape))
+
+def compare(affines, buffers, totals, start):
+    loop = library.TurnedComparison(planes(2, 5, 5), planes(1, 10, 11), np.zeros((1, 2), 'i4'),
+                                    np.ones(1, 'i4'), 0)
+    loop(np.array(affines), np.ones(len(affines), 'u1'), [library.PlaneArray(b) for b in buffers],
+         totals, start, np.zeros((len(affines), 1, 2, 2), 'f4'))
+
+def means(image, starts, cell=0):
+    library.footprint_means(image, starts, np.ones((1, 16), 'u1'), (np.ones(1, 'i4'),) * 2,
+                            np.array([cell], 'i4'), ones(1), ones(1))
+
+for call in sys.argv[1:]:
+    try:
+        eval(call)
+    except ValueError:
+        print('refused')
+    else:
+        print('taken:', call)
+"""
+
+
+@needs_kernels
+def test_the_loops_refuse_wrong_arrays_without_assertions_too():
+    done = subprocess.run(
+        [sys.executable, '-O', '-c', CALLS, *BAD.values()], capture_output=True, text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines() == ['refused'] * len(BAD)
 
 
 def test_the_margin_is_as_wide_as_the_loop_reads():

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.kernels.library import address, AVAILABLE, kernels, row_address
+from gip_localizer.core.kernels.library import AVAILABLE, average_cells
 
 
 def downsampled(
@@ -78,11 +78,4 @@ def _by_loop(
     taps = _taps(factor, smooth)
     reach = (len(taps) - factor) // 2
     top, left = corner[0] + reach, corner[1] + reach
-    (rows, cols), out = values.shape, np.empty(shape, np.float32)
-    buffer = np.empty(2 * (factor * (shape[1] - 1) + len(taps)), np.float32)
-    kernels().join_cells(
-        row_address(values, np.float32), values.strides[0] // values.itemsize, rows, cols,
-        top, left, address(taps, np.float32), len(taps), factor, replicate,
-        address(buffer, np.float32), address(out, np.float32), *shape,
-    )
-    return out
+    return average_cells(values, taps, factor, (top, left), shape, replicate=replicate)

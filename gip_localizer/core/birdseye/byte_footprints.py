@@ -15,9 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from gip_localizer.core.arrays import Bools, Floats, Grey, Ints, WHITE
-from gip_localizer.core.kernels.library import address, kernels, row_address
-
-BLOCK = 16  # pixels that are read at once; as in kernels/footprints.c
+from gip_localizer.core.kernels.library import BLOCK, footprint_means
 
 
 class ByteFootprints:
@@ -52,12 +50,10 @@ class ByteFootprints:
         blocks_per_cell, cells_of_group = np.unique(count, return_counts=True)
         white = parts * WHITE[np.dtype(np.uint8)] * np.asarray(overlap.sum(axis=1), float).ravel()
         factors = np.divide(1.0, white, out=np.zeros(cells), where=white > 0.0)
-        self._count, self._groups = cells, len(cells_of_group)
+        self._count = cells
         self._row, self._col = row[begins][order], start[order]
         self._starts = 0, np.empty(0, np.int32)  # for how many bytes from row to row
-        # in the order of the loop's arguments, without gaps
-        self._cells_of_group = cells_of_group.astype(np.int32)
-        self._blocks_per_cell = blocks_per_cell.astype(np.int32)
+        self._groups = cells_of_group.astype(np.int32), blocks_per_cell.astype(np.int32)
         self._weights = weights[order]
         self._ranked = ranked.astype(np.int32)
         self._factors = factors[ranked].astype(np.float32)
@@ -66,7 +62,7 @@ class ByteFootprints:
         """
         Return the means (cells,) float32 of an image (rows, width) uint8; 0 without pixels.
 
-        Of another shape, other memory would be read. Need not be contiguous; means are in [0, 1].
+        The image need not be contiguous; means are in [0, 1].
 
         """
         if image.strides[1] != 1 or image.strides[0] <= 0:
@@ -75,12 +71,8 @@ class ByteFootprints:
         if step != self._starts[0]:
             self._starts = step, (self._row * step + self._col).astype(np.int32)
         means = np.empty(self._count, np.float32)
-        kernels().footprint_means(
-            row_address(image, np.uint8), self._groups, address(self._cells_of_group, np.int32),
-            address(self._blocks_per_cell, np.int32), address(self._starts[1], np.int32),
-            address(self._weights, np.uint8), address(self._ranked, np.int32),
-            address(self._factors, np.float32), address(means, np.float32),
-        )
+        footprint_means(image, self._starts[1], self._weights, self._groups, self._ranked,
+                        self._factors, means)
         return means
 
 

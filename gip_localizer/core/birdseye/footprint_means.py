@@ -19,9 +19,9 @@ import numpy as np
 from scipy import sparse
 
 from gip_localizer.core.arrays import Floats, Grey, WHITE
-from gip_localizer.core.birdseye.byte_footprints import BLOCK, ByteFootprints
+from gip_localizer.core.birdseye.byte_footprints import ByteFootprints
 from gip_localizer.core.birdseye.footprints import PARTS
-from gip_localizer.core.kernels.library import AVAILABLE
+from gip_localizer.core.kernels.library import AVAILABLE, BLOCK
 from gip_localizer.core.threads import in_parallel, WORKERS
 
 BANDS_PER_WORKER = 2

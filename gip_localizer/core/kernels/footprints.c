@@ -9,7 +9,7 @@
 
 #include "kernels.h"
 
-#define BLOCK 16  // pixels that are read at once; as in compiled.py
+#define BLOCK 16  // pixels that are read at once; as in library.py
 
 // Σ weights * pixels over blocks, weights up to 64 (two products must fit into 16 bits); compilers
 // make three times as many instructions of the plain loop

@@ -10,25 +10,9 @@ from functools import cache
 import numpy as np
 
 from gip_localizer.core.arrays import Floats, Grey
-from gip_localizer.core.kernels.library import address, c_planes, Compared, kernels, Planes
+from gip_localizer.core.kernels.library import PlaneArray, TurnedComparison
 from gip_localizer.core.match.correlation import Term
 from gip_localizer.core.match.template_rotation import is_little, Templates
-
-
-class Buffer:
-    """
-    Buffer for the templates of one yaw, turned.
-
-    Attributes
-    ----------
-    planes : (templates, rows, cols) float32
-        Rows may be apart, their elements not.
-
-    """
-
-    def __init__(self, planes: Floats) -> None:
-        self.planes = planes
-        self.c_planes = c_planes(planes)
 
 
 class Comparison:
@@ -51,25 +35,22 @@ class Comparison:
     def __init__(
         self, templates: Templates, fields: Floats, terms: Sequence[Term], totals: int
     ) -> None:
-        self._templates, self._fields, self._totals = templates, fields, totals
-        self._pairs, self._pairs_of_term = _laid_out(tuple(terms))
-        self._terms = len(terms)
-        self._c = Compared(
-            c_planes(templates.planes), *templates.planes.shape, c_planes(fields),
-            address(self._pairs, np.int32), address(self._pairs_of_term, np.int32),
-            len(terms), totals,
+        self._templates, self._terms, self._totals = templates, len(terms), totals
+        pairs, pairs_of_term = _laid_out(tuple(terms))
+        self._compare = TurnedComparison(
+            templates.c_planes, PlaneArray(fields), pairs, pairs_of_term, totals
         )
 
     def sums_in(
-        self, buffer: Buffer, affines: Sequence[Floats], size: tuple[int, int]
+        self, buffer: PlaneArray, affines: Sequence[Floats], size: tuple[int, int]
     ) -> tuple[Floats, Floats]:
         """
         Sum up the terms of yaws that are turned into one buffer after each other.
 
         Parameters
         ----------
-        buffer : Buffer
-            On the canvas.
+        buffer : PlaneArray
+            (templates, rows, cols) on the canvas.
         affines : sequence of (2, 3) float64
             `turn_affine` of every yaw.
         size : (int, int)
@@ -93,7 +74,7 @@ class Comparison:
         return sums.transpose(1, 0, 2, 3), totals
 
     def compare(
-        self, affines: Sequence[Floats], buffers: Sequence[Buffer], turned: Sequence[bool],
+        self, affines: Sequence[Floats], buffers: Sequence[PlaneArray], turned: Sequence[bool],
         totals: Floats, start: tuple[int, int], sums: Floats,
     ) -> None:
         """
@@ -103,7 +84,7 @@ class Comparison:
         ----------
         affines : sequence of (2, 3) float64
             `turn_affine` of every yaw.
-        buffers : sequence of Buffer
+        buffers : sequence of PlaneArray
             Where the turned templates go, all of one shape.
         turned : sequence of bool
             Which buffers hold the turned templates already.
@@ -115,21 +96,12 @@ class Comparison:
             To be written; contiguous.
 
         """
-        _, rows, cols = buffers[0].planes.shape
-        (x, y), (n_x, n_y) = start, sums.shape[2:]
-        assert 0 <= x <= self._fields.shape[1] - rows - n_x + 1
-        assert 0 <= y <= self._fields.shape[2] - cols - n_y + 1
         there = np.array(turned, np.uint8)
         for k, affine in enumerate(affines):
             if not turned[k] and not is_little(affine):
-                totals[k] = self._templates.turned(buffers[k].planes, affine, self._totals)
+                totals[k] = self._templates.turned(buffers[k].array, affine, self._totals)
                 there[k] = 1
-        kernels().compare_turned(
-            self._c, len(buffers), address(np.array(affines), np.float64),
-            address(there, np.uint8),
-            (Planes * len(buffers))(*(buffer.c_planes for buffer in buffers)), rows, cols,
-            address(totals, np.float32), x, y, n_x, n_y, address(sums, np.float32),
-        )
+        self._compare(np.array(affines), there, buffers, totals, start, sums)
 
 
 @cache

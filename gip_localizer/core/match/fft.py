@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.kernels.library import ADDRESS, address, AVAILABLE, c_planes, kernels
+from gip_localizer.core.kernels.library import AVAILABLE, pair_planes, sum_complex_products
 
 SIZES_TRIED, MULTIPLE = 8, 4
 ODD_COST = {32: 1.0, 16: 1.08, 8: 1.17, 4: 1.17}
@@ -74,9 +74,7 @@ def put_pair(pair: Floats, plane: Plane) -> None:
     """Write two real planes (2, rows, cols) float32 into the first corner of a complex one."""
     rows, cols = pair.shape[1:]
     if AVAILABLE:
-        kernels().pair_planes(
-            c_planes(pair), rows, cols, address(plane, np.complex64), 2 * plane.shape[1]
-        )
+        pair_planes(pair, plane)
     else:
         corner = plane[:rows, :cols]
         corner.real, corner.imag = pair
@@ -85,11 +83,7 @@ def put_pair(pair: Floats, plane: Plane) -> None:
 def add_products(pairs: Sequence[tuple[Plane, Plane]], out: Plane, buffer: Plane) -> None:
     """Write the sum of products of planes; `out` may be one of the first pair, `buffer` none."""
     if AVAILABLE:
-        left, right = ((ADDRESS * len(pairs))(*(address(p, np.complex64) for p in planes))
-                       for planes in zip(*pairs, strict=True))
-        kernels().sum_complex_products(
-            left, right, len(pairs), out.size, address(out, np.complex64)
-        )
+        sum_complex_products(pairs, out)
         return
     (field, spectrum), *others = pairs
     np.multiply(field, spectrum, out=out)

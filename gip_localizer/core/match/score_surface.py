@@ -20,9 +20,9 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.birdseye.rectifier import View
-from gip_localizer.core.kernels.library import AVAILABLE
+from gip_localizer.core.kernels.library import AVAILABLE, PlaneArray
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.match.compiled_scores import Buffer, Comparison
+from gip_localizer.core.match.compiled_scores import Comparison
 from gip_localizer.core.match.correlation import correlate
 from gip_localizer.core.match.downsampling import locally_centred
 from gip_localizer.core.match.fft import cost
@@ -158,7 +158,7 @@ def _score_by_loops(scorer: Scorer, affines: list[Floats], canvas: tuple[int, in
     comparison = Comparison(scorer.templates, scorer.fields, scorer.terms, scorer.sums_needed)
 
     def work(yaws: slice) -> None:
-        buffer = Buffer(np.empty((len(scorer.templates.planes), *canvas), np.float32))
+        buffer = PlaneArray(np.empty((len(scorer.templates.planes), *canvas), np.float32))
         sums, turned = comparison.sums_in(buffer, affines[yaws], size)
         keep(yaws, scorer.score(sums, turned[:, :, None, None]))
 

@@ -17,10 +17,13 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye.grid import Grid
-from gip_localizer.core.kernels.library import address, AVAILABLE, c_planes, kernels
-
-MARGIN = 10  # zeros about a plane that the loop may read, as kernels/turn.c says
-MOST_SLOPE = 1.0 / 7.0  # rows per column, for neighbours at once
+from gip_localizer.core.kernels.library import (
+    AVAILABLE,
+    MARGIN,
+    MOST_SLOPE,
+    PlaneArray,
+    turn_little,
+)
 
 
 class Templates:
@@ -38,6 +41,8 @@ class Templates:
     ----------
     planes : (count, rows, cols) float32
         To be filled; 0 beyond them.
+    c_planes : PlaneArray
+        The same for the compiled loops.
 
     """
 
@@ -47,15 +52,12 @@ class Templates:
         padded[:, :MARGIN] = padded[:, -MARGIN:] = 0.0
         padded[:, :, :MARGIN] = padded[:, :, -MARGIN:] = 0.0
         self.planes = padded[:, MARGIN:-MARGIN, MARGIN:-MARGIN]
-        self._c_planes = c_planes(self.planes)
+        self.c_planes = PlaneArray(self.planes)
 
     def turn_into(self, out: Floats, affine: Floats) -> None:
         """Turn by `turn_affine` into (count, rows, cols) float32, which may be part of another."""
         if AVAILABLE and is_little(affine):
-            _, rows, cols = self.planes.shape
-            kernels().turn_little(
-                self._c_planes, rows, cols, address(affine, np.float64), c_planes(out), *out.shape
-            )
+            turn_little(self.c_planes, affine, out)
             return
         for plane, turned in zip(self.planes, out, strict=True):
             cv2.warpAffine(

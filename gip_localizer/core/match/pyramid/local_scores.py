@@ -17,8 +17,8 @@ from itertools import groupby, product
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.kernels.library import AVAILABLE
-from gip_localizer.core.match.compiled_scores import Buffer, Comparison
+from gip_localizer.core.kernels.library import AVAILABLE, PlaneArray
+from gip_localizer.core.match.compiled_scores import Comparison
 from gip_localizer.core.match.correlation import correlate
 from gip_localizer.core.match.lattice import Index
 from gip_localizer.core.match.pyramid.level import Level
@@ -57,18 +57,18 @@ class _Buffers:
 
     def __init__(self, shape: tuple[int, int, int]) -> None:
         self._shape = shape
-        self._spare: deque[Buffer] = deque(maxlen=SPARE_BUFFERS)
+        self._spare: deque[PlaneArray] = deque(maxlen=SPARE_BUFFERS)
 
-    def take(self) -> Buffer:
+    def take(self) -> PlaneArray:
         """Return a buffer that holds anything."""
         try:
             return self._spare.pop()
         except IndexError:
-            return Buffer(np.empty(self._shape, np.float32))
+            return PlaneArray(np.empty(self._shape, np.float32))
 
-    def put(self, buffer: Buffer) -> None:
+    def put(self, buffer: PlaneArray) -> None:
         """Take a buffer back."""
-        if buffer.planes.nbytes <= SPARE_BYTES:
+        if buffer.array.nbytes <= SPARE_BYTES:
             self._spare.append(buffer)
 
 
@@ -120,7 +120,7 @@ class LocalScores:
         self._comparison = Comparison(
             templates, self._scorer.fields, self._scorer.terms, self._scorer.sums_needed
         ) if AVAILABLE else None
-        self._turned: dict[int, Buffer] = {}
+        self._turned: dict[int, PlaneArray] = {}
         self._totals = np.zeros((len(level.lattice.yaws), self._scorer.sums_needed), np.float32)
         self._buffers = _buffers_of((len(templates.planes), *canvas.shape))
         self.known: dict[Index, float] = {}
@@ -194,21 +194,21 @@ class LocalScores:
         self._totals[yaws] = totals
 
     def _by_transforms(
-        self, affines: list[Floats], buffers: list[Buffer], turned: list[bool], totals: Floats,
+        self, affines: list[Floats], buffers: list[PlaneArray], turned: list[bool], totals: Floats,
         start: tuple[int, int], out: Floats,
     ) -> None:
         """Do what `Comparison.compare` does."""
         for k, buffer in enumerate(buffers):
             if not turned[k]:
                 totals[k] = self._scorer.templates.turned(
-                    buffer.planes, affines[k], totals.shape[1]
+                    buffer.array, affines[k], totals.shape[1]
                 )
         rows, cols = self._level.canvas.shape
         (x, y), (n_x, n_y) = start, out.shape[2:]
         met = self._scorer.fields[:, x : x + rows + n_x - 1, y : y + cols + n_y - 1]
 
         def turn(yaw: int, planes: Floats) -> None:
-            planes[...] = buffers[yaw].planes
+            planes[...] = buffers[yaw].array
 
         def sink(yaws: range, terms: Floats) -> None:
             out[yaws.start : yaws.stop] = terms.swapaxes(0, 1)
