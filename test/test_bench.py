@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from gip_localizer.benchmark.children import child
-from gip_localizer.benchmark.opencv_baseline import peer_winner
+from gip_localizer.benchmark.opencv_baseline import baseline_winner
 from gip_localizer.benchmark.output import as_markdown, write_bench
-from gip_localizer.benchmark.rows import beside, exponent, interleaved, Row, spread
+from gip_localizer.benchmark.rows import compared_row, exponent, interleaved, Row, spread
 from gip_localizer.benchmark.scene import Scene, TRACK, Window
 from gip_localizer.benchmark.search_process import coarse_to_fine, global_level, score_all
 from gip_localizer.benchmark.search_rows import wilson
@@ -35,7 +35,7 @@ def test_opencv_chooses_the_same_candidate(scene):
     for _ in range(8):
         level, truth = scene.level(rng, SMALL)
         found = score_all(level)
-        assert found.index == peer_winner(level)
+        assert found.index == baseline_winner(level)
         assert coarse_to_fine(level).index == found.index
         # along plain paint cells are alike
         assert np.abs(np.array(found.index) - truth).max() < 3.0
@@ -76,11 +76,11 @@ def test_statistics_are_what_they_say():
     low, high = wilson(10, 100)
     assert (low, high) == pytest.approx((0.0552, 0.1744), abs=1e-4)
     assert wilson(0, 50)[0] == 0.0
-    assert beside('s', 'c', 2.0, 'p', 10.0).ratio == 5.0
+    assert compared_row('s', 'c', 2.0, 'p', 10.0).ratio == 5.0
 
 
 def test_the_folder_holds_the_rows_under_their_names(tmp_path):
-    rows = [beside('track', 'a case', 2.0, 'peer', 8.0, 0.999), Row('frame', 'alone', 3.0)]
+    rows = [compared_row('track', 'a case', 2.0, 'peer', 8.0, 0.999), Row('frame', 'alone', 3.0)]
     points = [{'axis': 'yaws', 'size': n, 'search': s, 'ms': float(n)}
               for n in (1, 10, 100) for s in ('exhaustive', 'coarse to fine', 'peer')]
     write_bench(tmp_path / 'out', rows, {'growth': points}, force=False)

@@ -216,7 +216,7 @@ def test_options_that_cannot_be(drive, tmp_path, capsys, options, words):
 @pytest.mark.parametrize(('content', 'words'), [
     ('', ['holds no pose']), ('# only a comment\n', ['holds no pose']),
     ('x\n', ['columns, expected 8']), ('1 2 3 4 5 6 7 8\n', ['quaternion']),
-    ('1 0 0 0 0 0 0 1\n2 1 0 0 0 0 0 1\n', ['of 1.000 to 2.000 s', 'one clock']),
+    ('1 0 0 0 0 0 0 1\n2 1 0 0 0 0 0 1\n', ['from 1.000 to 2.000 s', 'one clock']),
 ])
 def test_pose_files_that_do_not_serve(drive, tmp_path, capsys, content, words):
     (tmp_path / 'p.tum').write_text(content)

@@ -131,7 +131,7 @@ def test_a_truth_of_another_clock_is_said(drive, whole, tmp_path, capsys):
     metrics = replayed(drive, drive, tmp_path / 'out', '--duration', '0.2', '--ground-truth',
                        str(truth))
     assert metrics['rmse_xy_m'] is None
-    assert 'the ground truth is of 5.000 to 6.000 s, the images of ' in capsys.readouterr().err
+    assert 'the ground truth covers 5.000 to 6.000 s, the images ' in capsys.readouterr().err
 
 
 def test_truth_from_a_tum_file(drive, whole, messages, tmp_path):

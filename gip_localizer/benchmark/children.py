@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of the benchmark that need a process of their own."""
+"""Run parts of the benchmark in separate processes."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from typing import Any
 from gip_localizer.errors import GipError
 
 PATIENCE = 3600.0
+"""Longest duration of a child process, seconds; chosen."""
 
 
 def child(module: str, arguments: Sequence[str], environment: Mapping[str, str]) -> dict[str, Any]:
@@ -23,7 +24,7 @@ def child(module: str, arguments: Sequence[str], environment: Mapping[str, str])
     Raises
     ------
     GipError
-        It failed; the message holds its last words.
+        The module failed; the message holds its last output.
 
     """
     done = subprocess.run(

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Images of a map as the benchmark's camera sees them, and a localizer that tracks them."""
+"""Images of a map for the benchmark's camera, and parameters for tracking them."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.parameters import Parameters
 
 NOISE = 2.0
-"""Standard deviation of a pixel, of 255."""
+"""Standard deviation of the noise of a pixel, in grey levels of 255; chosen."""
 
 
 def images(
     raster_map: RasterMap, camera: CameraModel, poses: Sequence[Pose2], seed: int = 0
 ) -> list[NDArray[np.uint8]]:
-    """Return what the camera sees of the map at each pose; black off the road or the map."""
+    """Return the camera image of the map at each pose; black outside the map."""
     rng = np.random.default_rng(seed)
     shape = (camera.height, camera.width)
     u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
@@ -37,7 +37,7 @@ def images(
 
 
 def tracking_parameters(camera: CameraModel, start: Pose2) -> Parameters:
-    """Return parameters for tracking with this camera from a pose."""
+    """Return parameters for tracking with a camera from a start pose."""
     held = camera.extrinsics
     return Parameters.from_dict({
         'camera.x': held.x, 'camera.y': held.y, 'camera.z': held.z, 'camera.roll': held.roll,
@@ -48,5 +48,5 @@ def tracking_parameters(camera: CameraModel, start: Pose2) -> Parameters:
 
 
 def straight(start: Pose2, count: int, step: float) -> list[Pose2]:
-    """Return poses ahead of each other by `step` metres."""
+    """Return poses along a straight line, `step` metres apart."""
     return [start @ Pose2(k * step, 0.0, 0.0) for k in range(count)]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the benchmark ran on."""
+"""Description of the machine and the software versions of a benchmark."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gip_localizer.core.threads import WORKERS
 
 
 def machine() -> dict[str, Any]:
-    """Return processor, versions and settings."""
+    """Return processor, software versions and settings."""
     return {
         'processor': _processor(), 'cores': os.cpu_count(), 'workers': WORKERS,
         'load_before': list(os.getloadavg()), 'system': platform.platform(),

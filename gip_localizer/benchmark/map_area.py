@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The suite map: time per frame and resident memory against the area of the map.
+Suite `map`: time per frame and resident memory as functions of the area of the map.
 
-Each area is measured in a process of its own, which prints one JSON object.
+Each area is measured in a separate process, which prints one JSON object.
 
 """
 
@@ -30,16 +30,19 @@ from gip_localizer.io.map_files import load_map, save_map
 from gip_localizer.synthetic.worlds import map_of, road_world
 
 CELL = 0.1
+"""Side of a map cell, metres; chosen."""
 SIDES = (100.0, 316.0, 1000.0)
-"""Metres: 1 ha, 10 ha, 1 km²."""
+"""Sides of the maps, metres: 1 ha, 10 ha, 1 km²; chosen."""
 START = Pose2(30.0, 8.0, 0.0)
+"""Start pose, metres and rad; chosen, on the road in the map's corner."""
 STEP = 0.1
+"""Distance between frames, metres; chosen."""
 DRIVE = 40
-"""Frames ahead, then the same back."""
+"""Number of frames forward, and then of frames back; chosen."""
 
 
 def map_suite(rounds: int) -> tuple[list[Row], dict[str, Any]]:
-    """Return a row per area, and the memory."""
+    """Return a row per area with time and memory, and the details."""
     found = []
     with tempfile.TemporaryDirectory(prefix='gip_bench_') as folder:
         store = {'XDG_CACHE_HOME': str(Path(folder) / 'cache')}
@@ -47,7 +50,7 @@ def map_suite(rounds: int) -> tuple[list[Row], dict[str, Any]]:
             path = Path(folder) / f'map{side:.0f}' / 'map.yaml'
             save_map(tiled_map(side), path)
             module = 'gip_localizer.benchmark.map_area'
-            child(module, [str(path), '1'], store)  # the first start decodes the picture
+            child(module, [str(path), '1'], store)  # the first run decodes the image of the map
             found.append({'side_m': side, **child(module, [str(path), str(rounds)], store)})
     rows = [
         Row('map', f'{(each["side_m"] / 100) ** 2:.0f} ha at 10 cm, '
@@ -63,7 +66,7 @@ def map_suite(rounds: int) -> tuple[list[Row], dict[str, Any]]:
 
 
 def tiled_map(side: float) -> RasterMap:
-    """Return a square map, tiled from one stretch of road."""
+    """Return a square map that repeats one part of the road."""
     world = map_of(road_world(seed=0, resolution=CELL / 2).raster, 2)
     grey = np.round(255.0 * world.grey).astype(np.uint8)
     cells = round(side / CELL)
@@ -72,13 +75,13 @@ def tiled_map(side: float) -> RasterMap:
 
 
 def resident_mib() -> float:
-    """Return the memory of this process that is in RAM, MiB."""
+    """Return the resident memory of this process, MiB."""
     pages = int(Path('/proc/self/statm').read_text().split()[1])
     return pages * os.sysconf('SC_PAGE_SIZE') / 2**20
 
 
 def main(arguments: list[str]) -> int:
-    """Run `map.yaml rounds`: track frames on the map and print time and memory."""
+    """Track frames on a map and print time and memory; arguments: `map.yaml rounds`."""
     path, rounds = Path(arguments[0]), int(arguments[1])
     start = time.perf_counter()
     raster_map = load_map(path)
@@ -86,7 +89,7 @@ def main(arguments: list[str]) -> int:
     model = camera(640, 360)
     poses = straight(START, DRIVE, STEP)
     seen = images(raster_map, model, poses)
-    raster_map.release()  # pictures reach to the horizon, frames do not
+    raster_map.release()  # rendering read parts of the map that tracking does not need
     localizer = Localizer(raster_map, tracking_parameters(model, START))
     order = [*range(DRIVE), *range(DRIVE - 2, 0, -1)] * rounds
     times, published = [], 0

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The peer: OpenCV's masked template matching, once per yaw."""
+"""The baseline, `peer` in result files: OpenCV's masked template matching, once per yaw."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from gip_localizer.core.match.pyramid.level import Level
 NAME = 'cv2.matchTemplate(TM_SQDIFF, mask)'
 
 
-def timed_peer(level: Level, yaws: int) -> Callable[[], object]:
+def baseline_work(level: Level, yaws: int) -> Callable[[], object]:
     """
-    Return the peer's work for some yaws.
+    Return the work of the baseline for a number of yaws.
 
-    The view as it is, on map windows that are taken as rotated already: the least that OpenCV
-    can be asked for. Rotating, and choosing the best, is not counted.
+    It matches the unrotated view with map windows that are assumed to be rotated already: the
+    least work for OpenCV. Rotation and the choice of the best candidate are not included.
 
     """
     half, grid = level.lattice.half, level.grid
@@ -36,8 +36,8 @@ def timed_peer(level: Level, yaws: int) -> Callable[[], object]:
     return work
 
 
-def peer_winner(level: Level) -> tuple[int, int, int]:
-    """Return the index of OpenCV's best among the very candidates of the lattice."""
+def baseline_winner(level: Level) -> tuple[int, int, int]:
+    """Return the index of OpenCV's best candidate on the lattice."""
     weight, values = level.weight, level.values
     mean = np.float32(np.average(values, weights=weight))
     planes = np.dstack([weight, weight * (values - mean), weight * (values - mean) ** 2])
@@ -55,7 +55,7 @@ def peer_winner(level: Level) -> tuple[int, int, int]:
 
 
 def _surface(turned: Floats, window: Floats, total_vv: float) -> Floats:
-    """Weighted mean squares of one yaw (x, y), from OpenCV's sums."""
+    """Return the weighted mean squares of one yaw (x, y) from the sums of OpenCV."""
     G, Gv = np.maximum(turned[..., 0], 0.0), turned[..., 1]
     view = np.divide(Gv, G, out=np.zeros_like(G), where=G > 0.0)
     sums = cv2.matchTemplate(window, view, cv2.TM_SQDIFF, mask=np.sqrt(G))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The folder of a benchmark: bench.json, details.json, bench.md and the figures."""
+"""The results folder of a benchmark: bench.json, details.json, bench.md and figures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SEARCHES = {'exhaustive': 'o-', 'coarse to fine': 's-', 'peer': '^--'}
 def write_bench(
     out: Path, rows: Sequence[Row], details: Mapping[str, Any], *, force: bool
 ) -> None:
-    """Write the folder, whole or not at all (raises OutputError)."""
+    """Write the folder completely or not at all (raises OutputError)."""
     with fresh_folder(out, force=force, mark=MARK) as folder:
         text = json.dumps([row.as_dict() for row in rows], indent=1, ensure_ascii=False)
         (folder / MARK).write_text(text + '\n', encoding='utf-8')
@@ -32,8 +32,8 @@ def write_bench(
 
 
 def as_markdown(rows: Sequence[Row]) -> str:
-    """Return the rows as a table."""
-    lines = ['| suite | case | ours | peer | peer\'s | ratio | same winner |',
+    """Return the rows as a Markdown table."""
+    lines = ['| suite | case | this package | baseline | its time | ratio | same best candidate |',
              '| --- | --- | ---: | --- | ---: | ---: | ---: |']
     for row in rows:
         lines.append('| ' + ' | '.join([
@@ -46,7 +46,7 @@ def as_markdown(rows: Sequence[Row]) -> str:
 
 
 def figures(details: Mapping[str, Any]) -> dict[str, Figure]:
-    """Return the figures that the details allow, by name."""
+    """Return the figures for which there are details, by name."""
     found: dict[str, Figure] = {}
     points = details.get('growth', [])
     for axis in dict.fromkeys(point['axis'] for point in points):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the time of a tracked frame goes, and what this machine can do at most."""
+"""Times of the stages of a tracked frame, and peak performance of the machine."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.synthetic.worlds import road_world
 
 FRAMES = 40
+"""Number of tracked frames per round; chosen."""
 
 
 def profile_suite(rounds: int) -> tuple[list[Row], dict[str, Any]]:
-    """Track frames of 1280x720 with the default parameters; return the time of each stage."""
+    """Track frames of 1280x720 with default parameters; return the time of each stage."""
     world = road_world(seed=0, resolution=CELL)
     model = camera()
     x, y = world.lane.position(np.array([5.0]))[0]
@@ -46,7 +47,7 @@ def profile_suite(rounds: int) -> tuple[list[Row], dict[str, Any]]:
 
 
 def peaks() -> dict[str, float]:
-    """Measure this machine's memory traffic (GB/s) and arithmetic (GFLOP/s), one thread each."""
+    """Measure memory bandwidth (GB/s) and arithmetic speed (GFLOP/s), each with one thread."""
     big = np.ones(1 << 25, np.float32)
     other = np.empty_like(big)
     a = np.ones((1024, 1024), np.float32)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The suite rectify: footprint means of one image, beside one interpolating warp to the view."""
+"""Suite `rectify`: footprint means of an image, compared with one interpolating warp."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import Any
 import cv2
 import numpy as np
 
-from gip_localizer.benchmark.rows import beside, interleaved, median, Row, spread
+from gip_localizer.benchmark.rows import compared_row, interleaved, median, Row, spread
 from gip_localizer.benchmark.scene import BIRDSEYE, camera
 from gip_localizer.core.birdseye.rectifier import Rectifier
 
-PEER = 'cv2.warpPerspective(INTER_LINEAR)'
+BASELINE = 'cv2.warpPerspective(INTER_LINEAR)'
 
 
 def rectify_suite(rounds: int) -> tuple[list[Row], dict[str, Any]]:
-    """Return the row, and how the noise of the cells compares with the law."""
+    """Return the row, and the noise of the cells relative to its law (paper, SNR)."""
     model = camera()
     rectifier = Rectifier(model, BIRDSEYE)
     grid = rectifier.grid
@@ -31,20 +31,20 @@ def rectify_suite(rounds: int) -> tuple[list[Row], dict[str, Any]]:
     homography = cv2.getPerspectiveTransform(view, seen.astype(np.float32))
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     threads = cv2.getNumThreads()
-    cv2.setNumThreads(cv2.getNumberOfCPUs())  # with all of them the peer is faster
+    cv2.setNumThreads(cv2.getNumberOfCPUs())  # the baseline is faster with all cores
     times = interleaved({
         'ours': lambda: rectifier.rectify(image),
         'peer': lambda: cv2.warpPerspective(image, homography, size, flags=flags),
     }, rounds, warm=10)
     cv2.setNumThreads(threads)
-    row = beside('rectify', '1280x720 to 200x160 cells', median(times['ours']), PEER,
+    row = compared_row('rectify', '1280x720 to 200x160 cells', median(times['ours']), BASELINE,
                  median(times['peer']))
     details = {name: {'median_ms': median(t), 'spread_ms': spread(t)} for name, t in times.items()}
     return [row], {**details, 'variance_over_law': _variance_over_law(rectifier)}
 
 
 def _variance_over_law(rectifier: Rectifier) -> dict[str, float]:
-    """Mean over cells of variance times footprint, of white noise of variance 1."""
+    """Return the mean over cells of variance times footprint, for white noise of variance 1."""
     rng = np.random.default_rng(1)
     model = rectifier.camera
     views = np.stack([

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""One line of the benchmark, and how times are taken: interleaved, medians, spread."""
+"""Rows of the benchmark, and measurement of times: interleaved runs, medians, percentiles."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ import numpy as np
 @dataclass(frozen=True)
 class Row:
     """
-    One case beside its peer.
+    One case, compared with its baseline.
 
     Attributes
     ----------
     suite, case : str
-        What was measured.
+        What is measured.
     ours_ms : float
         Median time per frame.
     peer : str
-        What it is compared with; empty: nothing.
+        Name of the baseline; empty if there is none.
     peer_ms, ratio : float or None
-        Its median time, and peer_ms / ours_ms.
+        Median time of the baseline, and peer_ms / ours_ms.
     same_winner : float or None
-        Share of frames on which both choose the same candidate.
+        Fraction of frames on which both choose the same candidate.
 
     """
 
@@ -41,22 +41,22 @@ class Row:
     same_winner: float | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the row as it is written to bench.json."""
+        """Return the row as a dictionary for bench.json."""
         return asdict(self)
 
 
-def beside(
+def compared_row(
     suite: str, case: str, ours_ms: float, peer: str, peer_ms: float,
     same_winner: float | None = None,
 ) -> Row:
-    """Return the row of a case and its peer."""
+    """Return the row of a case and its baseline."""
     return Row(suite, case, ours_ms, peer, peer_ms, peer_ms / ours_ms, same_winner)
 
 
 def interleaved(
     work: Mapping[str, Callable[[], object]], rounds: int, *, warm: int = 1
 ) -> dict[str, list[float]]:
-    """Return the times (ms) of each piece of work, one after the other in every round."""
+    """Return the times (ms) of each function; every round calls all functions in turn."""
     times: dict[str, list[float]] = {name: [] for name in work}
     for k in range(warm + rounds):
         for name, piece in work.items():

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The work of the search suites: views of a road map, with the noise of their footprints."""
+"""Searches for the benchmark: views of a road map, with the noise of their footprints."""
 
 from __future__ import annotations
 
@@ -28,9 +28,13 @@ from gip_localizer.parameters import Birdseye
 from gip_localizer.synthetic.worlds import road_world
 
 CELL = 0.05
+"""Side of a cell of map and view, metres: the default of `birdseye.resolution`."""
 PIXEL_NOISE = 0.02
+"""Standard deviation of the noise of a pixel, grey levels of [0, 1]; chosen."""
 MAP_NOISE = 0.02
+"""Standard deviation of the noise of a map cell, grey levels of [0, 1]; chosen."""
 BIRDSEYE = Birdseye(near=2.5, far=12.5, half_width=4.0, resolution=CELL)
+"""The default view, metres."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +47,12 @@ class Window:
     yaw_step: float
 
 
-TRACK = Window(0.5, 0.5, math.radians(2.5), math.radians(0.5))
-ACQUIRE = Window(5.0, 5.0, math.radians(15.0), math.radians(0.5))
+TRACK = Window(0.5, 0.5, math.radians(2.5), math.radians(0.5))  # chosen: tracking
+ACQUIRE = Window(5.0, 5.0, math.radians(15.0), math.radians(0.5))  # chosen: first fix
 
 
 def camera(width: int = 1280, height: int = 720) -> CameraModel:
-    """Return a camera 1.5 m above the road, 15 degrees nose down."""
+    """Return a camera 1.5 m above the road, pitched 15 degrees down."""
     focal = 900.0 * width / 1280.0
     K = np.array([[focal, 0.0, (width - 1) / 2], [0.0, focal, (height - 1) / 2], [0.0, 0.0, 1.0]])
     held = Extrinsics(x=0.2, z=1.5, pitch=math.radians(15.0))
@@ -57,16 +61,16 @@ def camera(width: int = 1280, height: int = 720) -> CameraModel:
 
 class Scene:
     """
-    A road of some size, seen by the camera.
+    A road map and the camera that sees it.
 
     Parameters
     ----------
     side : float
-        Of the square world, metres.
+        Side of the square world, metres.
     birdseye : Birdseye
         The view.
     seed : int
-        Of the world.
+        Seed of the world.
 
     """
 
@@ -82,7 +86,7 @@ class Scene:
         self.pivot = float((self.weight.ravel() * x).sum() / self.weight.sum())
 
     def lattice(self, anchor: Pose2, window: Window) -> Lattice:
-        """Return the candidates about an anchor."""
+        """Return the candidates around an anchor pose."""
         return make_lattice(
             anchor, x=window.x, y=window.y, yaw=window.yaw, yaw_step=window.yaw_step,
             step=self.grid.resolution, pivot=self.pivot,
@@ -99,9 +103,9 @@ class Scene:
         self, rng: np.random.Generator, window: Window, *, noise: float = 1.0
     ) -> tuple[Level, Floats]:
         """
-        Return a frame's search and the (fractional) index of the truth in it.
+        Return the search of a frame and the (fractional) index of the truth in it.
 
-        The truth is anywhere inside the window; `noise` multiplies that of pixels and map.
+        The truth is a random pose in the window; `noise` multiplies the noise of pixels and map.
 
         """
         lattice = self.lattice(self.place(rng), window)
@@ -114,7 +118,7 @@ class Scene:
         ), index
 
     def view(self, pose: Pose2, rng: np.random.Generator, noise: float = 1.0) -> Floats:
-        """Return what the camera sees there, with noise of variance 1 / weight."""
+        """Return the view at a pose, with noise of variance 1 / weight."""
         values = self.map.sample(pose.transform(self.grid.points()))[0].reshape(self.grid.shape)
         seen = self.weight > 0.0
         sigma = np.zeros(self.grid.shape, np.float32)

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The suites track, acquire and global, in a process of its own.
+The suites `track`, `acquire` and `global`, in a separate process.
 
-Whether OpenCV uses IPP is settled when it is loaded, so that `gip bench` starts this module twice
-and takes the faster as OpenCV's number. It prints one JSON object.
+OpenCV decides when it is loaded whether it uses IPP. Therefore `gip bench` runs this module with
+and without IPP, and takes the faster time as that of OpenCV. It prints one JSON object.
 
 """
 
@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 import cv2
 import numpy as np
 
-from gip_localizer.benchmark.opencv_baseline import peer_winner, timed_peer
+from gip_localizer.benchmark.opencv_baseline import baseline_winner, baseline_work
 from gip_localizer.benchmark.rows import interleaved, median
 from gip_localizer.benchmark.scene import ACQUIRE, known_map, Scene, TRACK, Window
 from gip_localizer.core.match.lattice import make_canvas, map_window, widened
@@ -34,20 +34,22 @@ from gip_localizer.parameters import Birdseye
 Out = TypeVar('Out')
 
 GLOBAL_SIDE = 100.0
+"""Side of the whole map, metres; chosen."""
 GLOBAL_YAWS = 360
+"""Number of headings of the whole-map search: one per degree."""
 NOISES = (16.0, 48.0, 80.0)
-"""Factors on the noise at which coarse to fine is held against scoring all."""
+"""Factors (no unit) on the noise in the comparison of the two searches; chosen."""
 WINDOWS = {'track': TRACK, 'acquire': ACQUIRE}
-Found = dict[str, Any]
+Result = dict[str, Any]
 
 
 def score_all(level: Level) -> pyramid.Winner:
-    """Search as the peer does: every candidate, the paper's norm."""
+    """Score every candidate with the paper's norm, as the baseline does."""
     return pyramid.exhaustive_winner(level, normalized=False, min_overlap=0.5)
 
 
 def coarse_to_fine(level: Level) -> pyramid.Winner:
-    """Search coarse to fine under the same norm."""
+    """Search coarse to fine with the same norm."""
     return pyramid.pyramid_winner(level, normalized=False, min_overlap=0.5)
 
 
@@ -55,21 +57,21 @@ SEARCHES = {'exhaustive': score_all, 'coarse to fine': coarse_to_fine}
 
 
 def timed(work: Callable[[], Out]) -> tuple[float, Out]:
-    """Return the time of some work (ms), and what it returns."""
+    """Return the duration of a call (ms) and its result."""
     start = time.perf_counter()
     out = work()
     return 1e3 * (time.perf_counter() - start), out
 
 
-def window_suite(scene: Scene, window: Window, frames: int, judged: int, seed: int) -> Found:
-    """Time ours and the peer frame by frame; the first frames are judged by the peer too."""
+def window_suite(scene: Scene, window: Window, frames: int, judged: int, seed: int) -> Result:
+    """Time all searches frame by frame; on the first frames compare the results as well."""
     rng = np.random.default_rng([1, seed])
     times: dict[str, list[float]] = {'exhaustive': [], 'coarse to fine': [], 'peer': []}
     same = {'exhaustive': 0, 'coarse to fine': 0, 'both': 0}
     for k in range(frames):
         level, _ = scene.level(rng, window)
         yaws = len(level.lattice.yaws)
-        times['peer'].append(timed(timed_peer(level, yaws))[0])
+        times['peer'].append(timed(baseline_work(level, yaws))[0])
         found = {}
         for name, search in SEARCHES.items():
             spent, winner = timed(partial(search, level))
@@ -77,14 +79,14 @@ def window_suite(scene: Scene, window: Window, frames: int, judged: int, seed: i
             found[name] = winner.index
         same['both'] += found['exhaustive'] == found['coarse to fine']
         if k < judged:
-            peers = peer_winner(level)
+            expected = baseline_winner(level)
             for name, index in found.items():
-                same[name] += index == peers
+                same[name] += index == expected
     return {'times': times, 'same': same, 'frames': frames, 'judged': min(judged, frames)}
 
 
-def noise_suite(scene: Scene, frames: int) -> list[Found]:
-    """Count the frames on which each search misses the truth, at low SNR."""
+def noise_suite(scene: Scene, frames: int) -> list[Result]:
+    """Count the frames on which each search misses the truth at low SNR."""
     counts = []
     for noise in NOISES:
         rng = np.random.default_rng(2)
@@ -108,7 +110,7 @@ def noise_suite(scene: Scene, frames: int) -> list[Found]:
 
 
 def global_level(scene: Scene, rng: np.random.Generator) -> Level:
-    """Return the search of a square map at every heading, for a frame seen on it."""
+    """Return the search of a square map at every heading, for a frame on this map."""
     raster_map = known_map(scene, GLOBAL_SIDE)
     width = GLOBAL_SIDE
     step = 2.0 * math.pi / GLOBAL_YAWS
@@ -129,8 +131,8 @@ def global_level(scene: Scene, rng: np.random.Generator) -> Level:
     )
 
 
-def global_suite(scene: Scene, frames: int, exhaustive: int, seed: int) -> Found:
-    """Time the whole map; the peer is timed on a few yaws, scoring all on a few frames."""
+def global_suite(scene: Scene, frames: int, exhaustive: int, seed: int) -> Result:
+    """Time the search of a whole map; the baseline on a few yaws, full scoring on few frames."""
     rng = np.random.default_rng([3, seed])
     times: dict[str, list[float]] = {'exhaustive': [], 'coarse to fine': [], 'peer': []}
     same = 0
@@ -139,16 +141,16 @@ def global_suite(scene: Scene, frames: int, exhaustive: int, seed: int) -> Found
         spent, quick = timed(partial(coarse_to_fine, level))
         times['coarse to fine'].append(spent)
         if k < exhaustive:
-            times['peer'].append(timed(timed_peer(level, 4))[0] * GLOBAL_YAWS / 4)
+            times['peer'].append(timed(baseline_work(level, 4))[0] * GLOBAL_YAWS / 4)
             spent, best = timed(partial(score_all, level))
             times['exhaustive'].append(spent)
             same += quick.index == best.index
     return {'times': times, 'same': {'both': same}, 'frames': frames, 'judged': exhaustive}
 
 
-def growth_suite(scene: Scene) -> list[Found]:
-    """Return median times against the window, the yaws and the cells of the view."""
-    points: list[Found] = []
+def growth_suite(scene: Scene) -> list[Result]:
+    """Return median times as functions of window, number of yaws and cells of the view."""
+    points: list[Result] = []
 
     def take(axis: str, size: float, measured: Scene, window: Window) -> None:
         level, _ = measured.level(np.random.default_rng(4), window)
@@ -156,7 +158,7 @@ def growth_suite(scene: Scene) -> list[Found]:
         work: dict[str, Callable[[], object]] = {
             name: partial(search, level) for name, search in SEARCHES.items()
         }
-        work['peer'] = timed_peer(level, min(yaws, 3))
+        work['peer'] = baseline_work(level, min(yaws, 3))
         for name, times in interleaved(work, 5).items():
             found = median(times) * (yaws / min(yaws, 3) if name == 'peer' else 1.0)
             points.append({'axis': axis, 'size': size, 'search': name, 'ms': found})
@@ -172,10 +174,10 @@ def growth_suite(scene: Scene) -> list[Found]:
 
 
 def main(arguments: list[str]) -> int:
-    """Run `suite frames judged seed` and print what was found."""
+    """Run a suite and print the results; arguments: `suite frames judged seed`."""
     suite, (frames, judged, seed) = arguments[0], map(int, arguments[1:])
     scene = Scene(140.0)
-    found: Found = {'ipp': bool(getattr(cv2, 'ipp', None)) and bool(cv2.ipp.useIPP())}
+    found: Result = {'ipp': bool(getattr(cv2, 'ipp', None)) and bool(cv2.ipp.useIPP())}
     if suite in WINDOWS:
         found |= window_suite(scene, WINDOWS[suite], frames, judged, seed)
     elif suite == 'noise':

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The search suites as rows: both states of IPP, in turn, the faster one is OpenCV's number."""
+"""The rows of the search suites: OpenCV runs with and without IPP, and the faster counts."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 
 from gip_localizer.benchmark.children import child
 from gip_localizer.benchmark.opencv_baseline import NAME
-from gip_localizer.benchmark.rows import beside, median, Row, spread
+from gip_localizer.benchmark.rows import compared_row, median, Row, spread
 
 MODULE = 'gip_localizer.benchmark.search_process'
 IPP = {'IPP on': {}, 'IPP off': {'OPENCV_IPP': 'disabled'}}
-"""Environment of each state; where OpenCV has no IPP both are the same."""
+"""Environment of each state; both are equal for an OpenCV without IPP."""
 CASES = {
     'track': '200x160 cells, ±0.5 m, 11 yaws over ±2.5°',
     'acquire': '200x160 cells, ±5 m, 61 yaws over ±15°',
@@ -25,16 +25,16 @@ Details = dict[str, Any]
 
 def search_suite(suite: str, frames: int, judged: int, rounds: int) -> tuple[list[Row], Details]:
     """
-    Return a row for scoring all and one for coarse to fine.
+    Return a row for scoring all candidates and one for the coarse-to-fine search.
 
     Parameters
     ----------
     suite : str
         track, acquire or global.
     frames, judged : int
-        Frames in all, and those that the slow judge sees too.
+        Number of frames, and of those that the slow search processes too.
     rounds : int
-        Turns that the two states of IPP take, each on frames of its own.
+        Number of runs with each state of IPP, each on different frames.
 
     """
     found: dict[str, list[Details]] = {state: [] for state in IPP}
@@ -46,7 +46,7 @@ def search_suite(suite: str, frames: int, judged: int, rounds: int) -> tuple[lis
     peer = min(times, key=lambda state: median(times[state]['peer']))
     ours = times['IPP on']
     rows = [
-        beside(suite, f'{CASES[suite]}: {search}',
+        compared_row(suite, f'{CASES[suite]}: {search}',
                median(ours[search]), f'{NAME}, {peer}', median(times[peer]['peer']),
                _same(suite, search, found['IPP on']))
         for search in ('exhaustive', 'coarse to fine')
@@ -65,10 +65,10 @@ def _joined(parts: list[Details]) -> dict[str, list[float]]:
 
 def _same(suite: str, search: str, parts: list[Details]) -> float | None:
     """
-    Share of frames with the same winner.
+    Return the fraction of frames with the same best candidate.
 
-    Scoring all is held against OpenCV, coarse to fine against scoring all: on the whole map
-    OpenCV would take minutes per frame to judge.
+    Scoring all candidates is compared with OpenCV, and the coarse-to-fine search with scoring all:
+    on a whole map OpenCV would take minutes per frame.
 
     """
     if search == 'exhaustive':
@@ -95,7 +95,7 @@ def noise_suite(frames: int) -> tuple[list[Row], list[Details]]:
 
 def _noise_row(count: Details) -> Row:
     missed = count['missed']
-    return beside(
+    return compared_row(
         'noise', f'track, {count["noise"]:g} times the noise: coarse to fine misses '
         f'{missed["coarse to fine"]} of {count["frames"]}, exhaustive {missed["exhaustive"]}',
         count['ms']['coarse to fine'], 'exhaustive', count['ms']['exhaustive'],
@@ -104,7 +104,7 @@ def _noise_row(count: Details) -> Row:
 
 
 def wilson(hits: int, trials: int, z: float = 1.96) -> tuple[float, float]:
-    """Return Wilson's interval of a share."""
+    """Return Wilson's interval of a fraction."""
     share, extra = hits / trials, z * z / trials
     middle = (share + 0.5 * extra) / (1.0 + extra)
     width = z * math.sqrt(share * (1.0 - share) / trials + 0.25 * extra / trials) / (1.0 + extra)
@@ -112,6 +112,6 @@ def wilson(hits: int, trials: int, z: float = 1.96) -> tuple[float, float]:
 
 
 def growth_details() -> list[Mapping[str, Any]]:
-    """Return times against window, yaws and cells."""
+    """Return times as functions of window, yaws and cells."""
     points: list[Mapping[str, Any]] = child(MODULE, ['growth', '0', '0', '0'], {})['growth']
     return points

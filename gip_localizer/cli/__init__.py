@@ -3,7 +3,7 @@
 """
 The desk tool `gip`: one module per verb, each with `add_parser` and `run`.
 
-Modules of verbs import what is heavy inside `run`, so that `gip --help` answers at once.
+The modules of verbs import large packages inside `run`, so that `gip --help` is fast.
 
 """
 
@@ -33,9 +33,11 @@ VERBS = (
     demo, simulate, replay, compare, build_map, check_calibration, evaluate, paper, params, bench
 )
 INTERRUPTED = 130
-LONG_NAME = 200  # characters of a file's name that a message shows
+"""Exit status after Ctrl-C: 128 plus the number of SIGINT, as shells report it."""
+LONG_NAME = 200
+"""Number of characters of a file name after which a message shortens it; chosen."""
 
-use_one_library_thread()  # read when NumPy is loaded, which only the verbs do
+use_one_library_thread()  # must be set before NumPy is imported, which the verbs do
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -57,12 +59,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     argv : sequence of str or None
-        Arguments after the program's name; None: those of the process.
+        Arguments after the program name; None takes those of the process.
 
     Returns
     -------
     int
-        0: done; 1: an error that the user can mend, or a verdict that failed; 130: Ctrl-C.
+        0 on success; 1 on an error that the user can correct or on a missed bound; 130 on Ctrl-C.
 
     """
     args = build_parser().parse_args(argv)
@@ -85,7 +87,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _shortened(name: object) -> str:
-    """Return a file's name for a message, with a colon; nothing where none is known."""
+    """Return a file name for a message, with a colon; an empty string if there is none."""
     if name is None:
         return ''
     words = str(name)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`gip bench`: times and winners beside OpenCV's, on this machine."""
+"""`gip bench`: speed and results compared with OpenCV, on this machine."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ if TYPE_CHECKING:
 SUITES = ('track', 'acquire', 'global', 'noise', 'growth', 'rectify', 'frame', 'map', 'node')
 DEFAULT_OUT = Path('results/bench')
 FRAMES = {'track': (1000, 200), 'acquire': (200, 20), 'global': (30, 4)}
-"""Frames in all, and those that are judged by the slow one too."""
+"""Number of frames per suite, and of those that the slow search processes too; chosen."""
 
 
 def add_parser(verbs: Any) -> None:
     """Add the verb to the parser of `gip`."""
     parser = verbs.add_parser(
-        'bench', help='time and winners beside OpenCV, on this machine',
-        description='Run the same searches with this package and with cv2.matchTemplate, in '
-                    'turn, and write bench.json, details.json, bench.md and figures. Let the '
-                    'machine rest meanwhile: what else runs is in the numbers.',
+        'bench', help='speed compared with OpenCV, and latency of the node, on this machine',
+        description='Run the same searches with this package and with cv2.matchTemplate, '
+                    'alternately, and write bench.json, details.json, bench.md and figures. '
+                    'Stop other programs meanwhile: they slow the measurement down.',
     )
     parser.add_argument('--suite', action='append', choices=(*SUITES, 'all'), dest='suites',
                         help='what to measure; repeatable (default: all)')
     parser.add_argument('--quick', action='store_true',
-                        help='few frames: a look, no numbers to quote')
+                        help='few frames, for a rough result only')
     parser.add_argument('--seconds', type=float, default=60.0, metavar='S',
                         help='length of each drive of the suite node (default: 60)')
     parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='DIR',
                         help=f'results folder (default: {DEFAULT_OUT})')
-    parser.add_argument('--force', action='store_true', help='replace results that lie in --out')
+    parser.add_argument('--force', action='store_true', help='replace existing results in --out')
     parser.set_defaults(run=run)
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`gip map`: a map of the road from a drive whose poses are known."""
+"""`gip map`: build a map of the road from a drive with known poses."""
 
 from __future__ import annotations
 
@@ -23,40 +23,40 @@ EXAMPLES = """examples:
   gip map survey --out road.yaml                      poses from the bag's ground truth
   gip map survey --poses rtk.tum --out road.yaml      poses from a TUM file (base_link in map)
   gip map survey --set camera.pitch=0.26 --set birdseye.far=9 --resolution 0.04
-  gip map survey --start 30 --duration 60 --every 3   a part of the drive, every third frame
-  gip replay another_drive --map road.yaml            localize on it
+  gip map survey --start 30 --duration 60 --every 3   part of the drive, every third frame
+  gip replay another_drive --map road.yaml            localize on the map
 
-Beside road.yaml come road.png (16 bit grey, transparent where nothing was seen) and
-road_noise.png (standard deviation of each cell, full scale 1). The camera's pose must be
-calibrated, and the poses good to a fraction of a cell: what they err by is blurred into the map.
+The verb also writes road.png (16-bit grey, transparent where the road was not seen) and
+road_noise.png (standard deviation of each cell; full scale is 1). The mounting pose of the camera
+must be calibrated, and the poses accurate to a fraction of a cell: their errors blur the map.
 """
 
 
 def add_parser(verbs: Any) -> None:
     """Add the verb to the parser of `gip`."""
     parser = verbs.add_parser(
-        'map', help='build a road map from a drive whose poses are known', epilog=EXAMPLES,
+        'map', help='build a road map from a drive with known poses', epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        description='Add the bird\'s-eye views of a drive up to a map: every cell is the mean of\n'
-                    'all frames that saw it, near views counting most.',
+        description='Combine the bird\'s-eye views of a drive into a map: every cell is the mean\n'
+                    'over all frames that saw it, with larger weights for near views.',
     )
     parser.add_argument('bag', nargs='+', type=Path, metavar='BAG',
-                        help='rosbag2 folder, .mcap or .db3 file; several are merged by time')
+                        help='rosbag2 folder, .mcap or .db3 file; several bags are merged by time')
     parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='YAML',
                         help=f'map to write (default: {DEFAULT_OUT})')
-    parser.add_argument('--force', action='store_true', help='replace a map of that name')
+    parser.add_argument('--force', action='store_true', help='replace an existing map')
     parser.add_argument('--resolution', type=float, metavar='M',
                         help='side of a cell (default: birdseye.resolution)')
     poses = parser.add_argument_group('poses of base_link in the map frame')
     one = poses.add_mutually_exclusive_group()
     one.add_argument('--truth', '--ground-truth', metavar='TOPIC',
-                     help='topic of the bag (default: the one that is called so)')
+                     help='topic of the bag (default: found by name, as /ground_truth)')
     one.add_argument('--poses', type=Path, metavar='FILE', help='TUM file')
     poses.add_argument('--max-gap', type=float, default=0.2, metavar='S',
                        help='longest time between two poses to interpolate (default: 0.2)')
     tune = parser.add_argument_group('parameters')
     tune.add_argument('--params', type=Path, metavar='FILE',
-                      help='ROS parameter YAML (default: params.yaml beside the bag, if there)')
+                      help='ROS parameter YAML (default: params.yaml next to the bag, if any)')
     tune.add_argument('--set', action='append', default=[], metavar='NAME=VALUE', dest='settings',
                       help='one parameter; repeatable, e.g. --set camera.pitch=0.26')
     part = parser.add_argument_group('part of the bag')
@@ -64,8 +64,8 @@ def add_parser(verbs: Any) -> None:
     part.add_argument('--camera-info-topic', metavar='TOPIC')
     part.add_argument('--every', type=int, default=1, metavar='N', help='use every Nth frame')
     part.add_argument('--start', type=float, default=0.0, metavar='S',
-                      help='seconds after the bag\'s first message')
-    part.add_argument('--duration', type=float, metavar='S', help='seconds to map')
+                      help='start time in seconds after the first message')
+    part.add_argument('--duration', type=float, metavar='S', help='length in seconds')
     parser.set_defaults(run=run)
 
 
@@ -89,18 +89,18 @@ def run(args: argparse.Namespace) -> int:
     bag = Bag(args.bag)
     topics, poses, notes = _poses(args, bag, parameters)
     drive = MappedDrive(bag, topics, parameters, poses, settings)
-    with ctrl_c(heard=True):
+    with ctrl_c(interrupts=True):
         raster_map = _with_progress(drive, settings, bag, topics)
     save_map(raster_map, args.out, force=args.force)
     for note in [*notes, *bag.notes]:
         print(f'gip: {note}', file=sys.stderr)
-    _tell(drive, raster_map, args.out)
+    _print_summary(drive, raster_map, args.out)
     return 0
 
 
 def _poses(args: argparse.Namespace, bag: Bag,
            parameters: Parameters) -> tuple[Topics, Trajectory, list[str]]:
-    """Return topics, poses and what is to be said of them."""
+    """Return topics, poses and notes for the user."""
     from gip_localizer.errors import TrajectoryError
     from gip_localizer.io.bags.topics import choose_topics, TopicNames, TRUTH
     from gip_localizer.io.bags.truth import read_truth
@@ -111,11 +111,11 @@ def _poses(args: argparse.Namespace, bag: Bag,
     topics = choose_topics(bag, named, find_truth=poses is None)
     notes = list(topics.notes)
     if poses is None:
-        poses, said = read_truth(bag, topics, parameters.frames.map)
-        notes += said
+        poses, truth_notes = read_truth(bag, topics, parameters.frames.map)
+        notes += truth_notes
     if poses is None:
         raise TrajectoryError(
-            'the bag tells no poses to build a map with; give a TUM file with --poses, or a topic '
+            'the bag holds no poses to build a map with; give a TUM file with --poses, or a topic '
             f'with --truth (types: {", ".join(TRUTH)})' + ''.join(f'\n  {n}' for n in notes)
         )
     return topics, poses, notes
@@ -130,7 +130,7 @@ def _with_progress(drive: MappedDrive, settings: MapSettings, bag: Bag,
         return drive.run(bar.update)
 
 
-def _tell(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None:
+def _print_summary(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None:
     import numpy as np
 
     from gip_localizer.core.map.resampling import scaled
@@ -142,18 +142,18 @@ def _tell(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None:
     low_x, low_y, high_x, high_y = raster_map.bounds
     gains = [exposure.gain for exposure in drive.builder.exposures]
     corner = float(drive.camera.vignetting.lift(np.array(1.0)))
-    told = np.median(scaled(noise[valid]))
+    median_noise = np.median(scaled(noise[valid]))
     rows = [
         Row('frames used', str(drive.builder.frames), ''),
         *(Row(f'frames skipped: {kind}', str(count), drive.first[kind])
           for kind, count in drive.skipped.items()),
-        Row('frames that overlap none before', str(drive.builder.without_overlap), ''),
-        Row('gain against the first frame', f'{min(gains):.3f} to {max(gains):.3f}', ''),
-        Row('corners of the image lifted by', f'{corner:.3f}', ''),
+        Row('frames without overlap', str(drive.builder.without_overlap), ''),
+        Row('gain relative to the first frame', f'{min(gains):.3f} to {max(gains):.3f}', ''),
+        Row('vignetting correction in the corners', f'{corner:.3f}', ''),
         Row('cells seen', str(int(valid.sum())), f'of {raster_map.resolution:g} m'),
         Row('x', f'{low_x:.2f} to {high_x:.2f}', 'm'),
         Row('y', f'{low_y:.2f} to {high_y:.2f}', 'm'),
-        Row('noise of a cell, median', f'{told:.4f}', 'of full scale'),
+        Row('noise of a cell, median', f'{median_noise:.4f}', 'of full scale'),
     ]
     print(format_table(rows))
     print(f'\nmap: {out}, its picture: {out.with_suffix(".png")}')

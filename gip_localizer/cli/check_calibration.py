@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`gip check-calibration`: whether lane lines come out parallel."""
+"""`gip check-calibration`: check that lane lines are parallel in bird's-eye views."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from gip_localizer.mapping.calibration_check import CalibrationCheck
 
 BOUND = math.radians(0.5)
-"""A pitch that is off by more fails the check."""
+"""Largest pitch error, rad, that passes the check; chosen."""
 LEAST_FRAMES = 3
+"""Least number of frames with two straight lines for a result; chosen."""
 PICTURES = ('.png', '.jpg', '.svg', '.pdf')
 
 
@@ -23,25 +24,25 @@ def add_parser(verbs: Any) -> None:
     """Add the verb to the parser of `gip`."""
     parser = verbs.add_parser(
         'check-calibration',
-        help='draw the road over a frame, measure whether lane lines are parallel',
+        help='draw the road plane over a frame, and measure the pitch error from lane lines',
     )
     parser.add_argument('bag', type=Path, nargs='+', metavar='BAG',
-                        help='with a straight stretch between lane lines')
+                        help='drive that includes a straight road with two lane lines')
     parser.add_argument('--params', type=Path, metavar='FILE',
-                        help='ROS parameter YAML (default: params.yaml beside the bag, if there)')
+                        help='ROS parameter YAML (default: params.yaml next to the bag, if any)')
     parser.add_argument('--set', action='append', default=[], dest='settings',
                         metavar='NAME=VALUE', help='one parameter, e.g. camera.pitch=0.26')
-    parser.add_argument('--frames', type=int, default=40, help='frames to look at (default: 40)')
+    parser.add_argument('--frames', type=int, default=40, help='number of frames (default: 40)')
     parser.add_argument('--image-topic', metavar='TOPIC')
     parser.add_argument('--camera-info-topic', metavar='TOPIC')
     parser.add_argument('--out', type=Path, default=Path('results/calibration.png'),
                         help='picture to write (default: %(default)s)')
-    parser.add_argument('--force', action='store_true', help='replace the picture')
+    parser.add_argument('--force', action='store_true', help='replace an existing picture')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, draw, and tell the pitch that the lines ask for."""
+    """Measure, draw, and print the pitch that makes the lines parallel."""
     from gip_localizer.cli.settings import recorded_parameters
     from gip_localizer.io.bags.bag import Bag
     from gip_localizer.io.bags.topics import choose_topics, TopicNames
@@ -54,10 +55,10 @@ def run(args: argparse.Namespace) -> int:
     topics = choose_topics(bag, TopicNames(args.image_topic, args.camera_info_topic))
     check = check_calibration(bag, topics, parameters, max(args.frames, 1))
     write_whole(args.out, check_picture(check, args.out.suffix.lower().lstrip('.')))
-    return _tell(check, parameters.camera.pitch, args.out)
+    return _print_result(check, parameters.camera.pitch, args.out)
 
 
-def _tell(check: CalibrationCheck, pitch: float, out: Path) -> int:
+def _print_result(check: CalibrationCheck, pitch: float, out: Path) -> int:
     found = len(check.excesses)
     print(f'{"frames":28}{check.frames:>10}')
     print(f'{"with two straight lines":28}{found:>10}')
@@ -65,16 +66,16 @@ def _tell(check: CalibrationCheck, pitch: float, out: Path) -> int:
         print(f'{"that cannot be used":28}{len(check.refused):>10}  first: {check.refused[0]}')
     if found < LEAST_FRAMES:
         print(f'picture: {out}')
-        print('gip: too few frames show two straight lane lines at least 2 m apart; choose a '
-              'straight stretch, or widen birdseye.half_width', file=sys.stderr)
+        print('gip: too few frames show two straight lane lines that are 2 m apart; choose a '
+              'straight part of the drive, or increase birdseye.half_width', file=sys.stderr)
         return 1
     excess, error = check.excess, check.error
     print(f'{"camera.pitch too large by":28}{math.degrees(excess):>10.3f}  deg '
           f'(standard error {math.degrees(error):.3f})')
-    print(f'{"lines ask for camera.pitch":28}{pitch - excess:>10.5f}  rad')
+    print(f'{"camera.pitch of parallel lines":28}{pitch - excess:>10.5f}  rad')
     print(f'picture: {out}')
     if abs(excess) > BOUND + 2.0 * error:
-        print('gip: the lane lines are not parallel: correct camera.pitch (or camera.z and the '
-              'lens, if the grid in the picture does not fit either)', file=sys.stderr)
+        print('gip: the lane lines are not parallel: correct camera.pitch, or camera.z and the '
+              'lens if the grid in the picture does not fit the road', file=sys.stderr)
         return 1
     return 0

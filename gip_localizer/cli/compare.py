@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`gip compare`: results folders side by side."""
+"""`gip compare`: compare results folders."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ MARK = 'compare.html'
 def add_parser(verbs: Any) -> None:
     """Add the verb to the parser of `gip`."""
     parser = verbs.add_parser(
-        'compare', help='results folders side by side: figures, parameters, one chart'
+        'compare', help='compare results folders: metrics, parameters, one chart'
     )
     parser.add_argument('runs', nargs='+', type=Path, metavar='RUN', help='a results folder')
     parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='DIR',
                         help=f'folder for compare.html and compare.png (default: {DEFAULT_OUT})')
-    parser.add_argument('--force', action='store_true', help='replace what lies in --out')
+    parser.add_argument('--force', action='store_true', help='replace existing files in --out')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the tables and write the page and the figure."""
+    """Print the tables; write the report and the figure."""
     import matplotlib as mpl
 
     from gip_localizer.evaluation.compare import (
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
 
     runs = read_runs(args.runs)
     labels = [folder.label for folder in runs]
-    tables = {'Figures': metric_lines(runs), 'Parameters that differ': parameter_lines(runs)}
+    tables = {'Metrics': metric_lines(runs), 'Parameters that differ': parameter_lines(runs)}
     with fresh_folder(args.out, force=args.force, mark=MARK) as folder, mpl.rc_context(STYLE):
         comparison_figure(runs).savefig(folder / 'compare.png', dpi=150)
         page = template('compare.html.j2').render(

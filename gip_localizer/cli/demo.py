@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`gip demo`: a camera, the node and a judge, in three processes over DDS."""
+"""`gip demo`: camera, node and observer as three processes over DDS."""
 
 from __future__ import annotations
 
@@ -23,16 +23,17 @@ if TYPE_CHECKING:
     from gip_localizer.ros.processes import NodeProcesses
 
 START_WITHIN = 30.0
-"""Time (s) in which the first pose must arrive."""
+"""Time, in seconds, within which the first pose must arrive; chosen."""
 DRAIN = 1.0
-"""Time (s) in which the last poses may arrive after the drive."""
+"""Time, in seconds, for the last poses to arrive after the drive; chosen."""
 TICK = 0.2
+"""Period of the progress line, seconds; chosen."""
 
 
 def add_parser(verbs: Any) -> None:
     """Add the verb to the parser of `gip`."""
     parser = verbs.add_parser(
-        'demo', help='a camera, the node and a judge over DDS; fails when a bound is missed'
+        'demo', help='camera, node and observer over DDS; fails if a bound is missed'
     )
     parser.add_argument(
         '--world', default='road', help='road, tiles or a map YAML (default: road)'
@@ -45,10 +46,10 @@ def add_parser(verbs: Any) -> None:
     )
     parser.add_argument(
         '--metric', choices=METRICS, default=Parameters().score.metric,
-        help='how candidates are scored (default: %(default)s)',
+        help='metric for scoring candidates (default: %(default)s)',
     )
     parser.add_argument('--out', type=Path, default=Path('results/demo'), help='results folder')
-    parser.add_argument('--force', action='store_true', help='replace results that lie there')
+    parser.add_argument('--force', action='store_true', help='replace existing results')
     parser.set_defaults(run=run)
 
 
@@ -63,16 +64,16 @@ def _positive(text: str) -> float:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Drive, judge, write the results folder and print the verdict."""
+    """Run the demo, write the results folder and print missed bounds."""
     from gip_localizer.evaluation.demo import missed_bounds, overload
     from gip_localizer.evaluation.metrics import format_table, table_rows
     from gip_localizer.evaluation.results import check_output, write_results
 
     check_output(args.out, args.force)
-    # A plain `kill` must end the children too: as Ctrl-C does.
+    # A plain `kill` must end the children too, as Ctrl-C does.
     for request in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(request, lambda number, _: sys.exit(128 + number))
-    with ctrl_c(heard=True), tempfile.TemporaryDirectory(prefix='gip_demo_') as folder:
+    with ctrl_c(interrupts=True), tempfile.TemporaryDirectory(prefix='gip_demo_') as folder:
         finished = _drive(args, Path(folder))
     metrics = write_results(args.out, finished, args.force)
     print(format_table(table_rows(metrics)))
@@ -91,7 +92,7 @@ def _drive(args: argparse.Namespace, folder: Path) -> Run:
     from gip_localizer.ros.middleware import image_environment, private_graph
     from gip_localizer.ros.processes import NodeProcesses
 
-    print(f'making the world {args.world} ...', flush=True)
+    print(f'generating the world {args.world} ...', flush=True)
     scene = demo_scene(args.world, folder, rate=args.rate, metric=args.metric)
     environment = {**image_environment(), **private_graph(os.getpid() % 100 + 1)}
     os.environ.update(environment)
@@ -112,14 +113,14 @@ def _await_first_pose(nodes: NodeProcesses, observer: DemoObserver) -> None:
     while not observer.received.poses:
         nodes.check()
         if time.monotonic() > until:
-            said = observer.received.diagnostics
-            reason = said[-1][1] if said else nodes.last_words('localizer')
-            raise GipError(f'no pose within {START_WITHIN:g} s; the localizer says: {reason}')
+            diagnostics = observer.received.diagnostics
+            reason = diagnostics[-1][1] if diagnostics else nodes.last_words('localizer')
+            raise GipError(f'no pose within {START_WITHIN:g} s; the localizer reports: {reason}')
         observer.listen_for(TICK)
 
 
 def _watch(nodes: NodeProcesses, observer: DemoObserver, seconds: float) -> float:
-    """Listen for the length of the drive, with a progress line; return the seconds listened."""
+    """Receive messages during the drive, with a progress line; return the duration, seconds."""
     from tqdm import tqdm
 
     received = observer.received

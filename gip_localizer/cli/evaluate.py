@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`gip evaluate`: accuracy and honesty on rendered frames, against bounds."""
+"""`gip evaluate`: accuracy and integrity on rendered frames, compared with bounds."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ DEFAULT_OUT = Path('results/evaluate')
 def add_parser(verbs: Any) -> None:
     """Add the verb to the parser of `gip`."""
     parser = verbs.add_parser(
-        'evaluate', help='accuracy and honesty on rendered frames; fails when a bound is missed',
-        description='Localize rendered frames under many conditions and compare with the truth. '
-                    'Exit status 1 when a bound is missed.',
+        'evaluate', help='accuracy and integrity on rendered frames; fails if a bound is missed',
+        description='Localize rendered frames under many conditions and compare the poses with '
+                    'the truth. The exit status is 1 if a bound is missed.',
     )
     parser.add_argument('--suite', action='append', choices=(*SUITES, 'all'), dest='suites',
-                        help='what to try; repeatable (default: all)')
+                        help='suite to run; repeatable (default: all)')
     parser.add_argument('--frames', type=_count, default=30, metavar='N',
                         help='frames per condition (default: %(default)s)')
     parser.add_argument('--seed', type=int, default=0, metavar='S',
-                        help='of worlds, places, starts and noise (default: 0)')
+                        help='seed of worlds, places, starts and noise (default: 0)')
     parser.add_argument('--set', action='append', default=[], metavar='NAME=VALUE',
                         dest='settings', help='a parameter of the localizer; repeatable')
     parser.add_argument('--jobs', type=_count, default=min(os.cpu_count() or 1, 8), metavar='N',
-                        help='processes (default: %(default)s)')
+                        help='number of processes (default: %(default)s)')
     parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='DIR',
                         help=f'results folder (default: {DEFAULT_OUT})')
-    parser.add_argument('--force', action='store_true', help='replace results that lie in --out')
+    parser.add_argument('--force', action='store_true', help='replace existing results in --out')
     parser.set_defaults(run=run)
 
 
@@ -48,7 +48,7 @@ def _count(words: str) -> int:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Try, print the tables, write the folder; 1 when a bound is missed."""
+    """Run the suites, print the tables, write the folder; return 1 if a bound is missed."""
     from gip_localizer.evaluation.suites.output import MARK, write_evaluation
     from gip_localizer.evaluation.suites.tables import format_section
     from gip_localizer.io.output_folder import check_folder
@@ -76,9 +76,9 @@ def _evaluate(args: argparse.Namespace) -> Evaluation:
 
     if not 0 <= args.seed < 2**31:
         raise ParameterError(f'--seed {args.seed}: expected 0 to 2147483647')
-    asked_for = parse_settings(args.settings, Parameters)
-    values = Parameters().replace(asked_for).to_dict()  # refuses what the workers would refuse
-    changes = {name: values[name] for name in asked_for}
+    requested = parse_settings(args.settings, Parameters)
+    values = Parameters().replace(requested).to_dict()  # refuses what the workers would refuse
+    changes = {name: values[name] for name in requested}
     asked = args.suites or ['all']
     names = SUITES if 'all' in asked else tuple(n for n in SUITES if n in asked)
     work = jobs(names, frames=args.frames, seed=args.seed, overrides=changes)

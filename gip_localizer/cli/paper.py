@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`gip paper`: the paper's figure, exactly and by sampling; with --full, on images too."""
+"""`gip paper`: the paper's figure, exact and sampled; with --full also on rendered images."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CAMERA_OPTIONS = {
 def add_parser(verbs: Any) -> None:
     """Add the verb to the parser of `gip`."""
     parser = verbs.add_parser(
-        'paper', help='the numbers and figures of the paper',
+        'paper', help='reproduce the numbers and figures of the paper',
         description='Reproduce the simulated figure of "Localization in Autonomous Vehicles '
         'Using a Generalized Inner Product": curves.csv, figure.png and figure.svg.',
     )
@@ -38,15 +38,16 @@ def add_parser(verbs: Any) -> None:
         '--samples', type=int, default=10_000, metavar='N',
         help='random pairs per amplitude (default: 10000, as in the paper)',
     )
-    parser.add_argument('--seed', type=int, default=0, metavar='S', help='seed (default: 0)')
+    parser.add_argument('--seed', type=int, default=0, metavar='S',
+                        help='seed of random numbers (default: 0)')
     parser.add_argument(
         '--full', action='store_true',
-        help='also test the claim on rendered images (pipeline.csv, beyond.csv and figures); '
-        'up to 15 minutes',
+        help='also test the paper on rendered images (pipeline.csv, beyond.csv and figures); '
+        'takes up to 15 minutes',
     )
     parser.add_argument(
         '--trials', type=int, default=2000, metavar='N',
-        help='places per experiment of --full (default: 2000; a twentieth of it for the table '
+        help='places per experiment of --full (default: 2000; a twentieth of them for the table '
         'of methods)',
     )
     output = parser.add_argument_group('output')
@@ -100,7 +101,7 @@ def _write_curves(folder: Path, curves: Curves) -> None:
 def _run_full(
     folder: Path, camera: PaperCamera, seed: int, trials: int
 ) -> list[tuple[str, str, str]]:
-    """Run and write the experiments on images; return the rows to print."""
+    """Run the experiments on images and write their results; return the rows to print."""
     from gip_localizer.paper import (
         baseline_comparison,
         full_figures,
@@ -127,7 +128,7 @@ def _run_full(
 
 
 def _bar(text: str, unit: str) -> Callable[[Iterable[Any]], Iterable[Any]]:
-    """Return a progress bar's wrapper; drawn seldom where it would fill a log."""
+    """Return a function that wraps an iterable with a progress bar, rarely drawn in log files."""
     from tqdm import tqdm
 
     interval = 0.1 if sys.stderr.isatty() else 15.0

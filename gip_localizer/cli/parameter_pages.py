@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The pages that are written from the code: parameter files and tables of parameters."""
+"""Generated pages: parameter files, and tables of parameters and diagnostics."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ begins with OK. The last column says whether poses are withheld meanwhile.
 
 
 def generated_pages() -> dict[str, str]:
-    """Return every generated file of the source tree: path below its root to text."""
+    """Return every generated file of the source tree: path below the root → text."""
     pages = {
         f'config/{node}.yaml': parameter_file(tree_of(node))
         for node in ('localizer', 'synthetic_camera')
@@ -51,10 +51,10 @@ def tree_of(node: str) -> type[ParameterGroup]:
 
 
 def parameter_file(tree: type[ParameterGroup]) -> str:
-    """Return all defaults as a ROS parameter file, each line with its meaning."""
+    """Return all defaults as a ROS parameter file, with the meaning of each line as a comment."""
     values = {spec.name: spec.default for spec in tree.specs()}
     lines = dump_ros_yaml(values).splitlines()
-    # The dump keeps the order of the specs, so that its leaves and the specs go in step.
+    # The dump keeps the order of the specs, so its leaves correspond to the specs one by one.
     remaining = iter(tree.specs())
     return '\n'.join(
         line if line.endswith(':') else f'{line}  # {_meaning(next(remaining))}' for line in lines
@@ -62,7 +62,7 @@ def parameter_file(tree: type[ParameterGroup]) -> str:
 
 
 def markdown_table(tree: type[ParameterGroup]) -> str:
-    """Return the table name, default, unit, allowed, meaning."""
+    """Return the table of name, default, unit, allowed values and meaning."""
     rows = [
         '| parameter | default | unit | allowed | meaning |', '| --- | --- | --- | --- | --- |',
     ]  # fmt: skip

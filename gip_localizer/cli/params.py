@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`gip params`: every parameter, as a ROS parameter file or a table."""
+"""`gip params`: print every parameter as a ROS parameter file or as a table."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def add_parser(verbs: Any) -> None:
     parser = verbs.add_parser('params', help='all parameters, with defaults, ranges and units')
     parser.add_argument(
         '--node', choices=('localizer', 'synthetic_camera', 'bag_player'), default='localizer',
-        help='whose parameters (default: localizer)',
+        help='node whose parameters are printed (default: localizer)',
     )
     form = parser.add_mutually_exclusive_group()
     form.add_argument('--yaml', action='store_true', help='as a ROS parameter file (default)')
@@ -30,7 +30,7 @@ def add_parser(verbs: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print or write parameters."""
+    """Print the parameters, or write the generated files."""
     from gip_localizer.cli.parameter_pages import markdown_table, parameter_file, tree_of
 
     if args.write is not None:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`gip replay`: a bag through the localizer, and what came of it."""
+"""`gip replay`: run a bag through the localizer and evaluate the poses."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from gip_localizer.parameters import Parameters
 
 INTERRUPTED = 130
+"""Exit status after Ctrl-C: 128 plus the number of SIGINT, as shells report it."""
 DEFAULT_OUT = Path('results/replay')
 
 
@@ -31,39 +32,39 @@ def add_parser(verbs: Any) -> None:
     # A pose that begins with a minus sign is a value, not an option.
     parser._negative_number_matcher = re.compile(r'^-[\d.].*$')
     parser.add_argument('bag', nargs='+', type=Path, metavar='BAG',
-                        help='rosbag2 folder, .mcap or .db3 file; several are merged by time')
+                        help='rosbag2 folder, .mcap or .db3 file; several bags are merged by time')
     parser.add_argument('--map', type=Path, metavar='YAML',
-                        help='nav2 map YAML (default: map_file of --params, or map.yaml beside '
+                        help='nav2 map YAML (default: map_file of --params, or map.yaml next to '
                              'the bag)')
     parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='DIR',
                         help=f'results folder (default: {DEFAULT_OUT})')
-    parser.add_argument('--force', action='store_true', help='replace results that lie in --out')
+    parser.add_argument('--force', action='store_true', help='replace existing results in --out')
     tune = parser.add_argument_group('parameters')
     tune.add_argument('--params', type=Path, metavar='FILE',
-                      help='ROS parameter YAML (default: params.yaml beside the bag, if there)')
+                      help='ROS parameter YAML (default: params.yaml next to the bag, if any)')
     tune.add_argument('--set', action='append', default=[], metavar='NAME=VALUE', dest='settings',
                       help='one parameter; repeatable, e.g. --set search.x=1.0')
     tune.add_argument('--metric', help='short for --set score.metric=METRIC')
     tune.add_argument('--initial-pose', metavar='X,Y,YAW',
-                      help='metres and radians in the map frame; or the word truth')
-    topics = parser.add_argument_group('topics', 'found by type where that is unique')
+                      help='metres and radians in the map frame, or the word truth')
+    topics = parser.add_argument_group('topics', 'found by type if it is unique')
     topics.add_argument('--image-topic', metavar='TOPIC')
     topics.add_argument('--camera-info-topic', metavar='TOPIC')
     topics.add_argument('--odom-topic', metavar='TOPIC')
     topics.add_argument('--mask-topic', metavar='TOPIC',
-                        help='masks of the images, by stamp (sets mask.from_topic)')
+                        help='masks of the images, paired by stamp (sets mask.from_topic)')
     topics.add_argument('--ground-truth', metavar='TOPIC|FILE',
                         help='topic of the bag, or a TUM file (base in the map frame)')
     part = parser.add_argument_group('part of the bag')
     part.add_argument('--start', type=float, default=0.0, metavar='S',
-                      help='seconds after the bag\'s first message')
-    part.add_argument('--duration', type=float, metavar='S', help='seconds to replay')
+                      help='start time in seconds after the first message')
+    part.add_argument('--duration', type=float, metavar='S', help='length in seconds')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay, write the results folder, print the table."""
-    from gip_localizer.cli.settings import beside, ctrl_c
+    from gip_localizer.cli.settings import ctrl_c, file_next_to
     from gip_localizer.evaluation.metrics import format_table, table_rows
     from gip_localizer.evaluation.replay import Replay
     from gip_localizer.evaluation.results import check_output, write_results
@@ -73,14 +74,14 @@ def run(args: argparse.Namespace) -> int:
 
     check_output(args.out, args.force)
     if args.params is None:
-        args.params = beside(args.bag, 'params.yaml')
+        args.params = file_next_to(args.bag, 'params.yaml')
     window = BagWindow(args.start, args.duration)
     bag, topics, truth, notes = _open(args)
     parameters = _parameters(args, truth)
     replay = Replay(bag, topics, load_map(parameters.map_file), parameters, truth)
-    with ctrl_c(heard=True):
+    with ctrl_c(interrupts=True):
         _with_progress(replay, window, round(topics.image.messages * window.share(bag)))
-    with ctrl_c(heard=False):  # what was reached is written out first
+    with ctrl_c(interrupts=False):  # the results so far are written first
         result = replay.result(f'Replay of {args.bag[0].name}', _sources(args, topics), notes)
         metrics = write_results(args.out, result, args.force)
     for note in result.notes:
@@ -97,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _open(args: argparse.Namespace) -> tuple[Bag, Topics, Trajectory | None, list[str]]:
-    """Return bag, topics, truth and what is to be said of them."""
+    """Return bag, topics, ground truth and notes for the user."""
     from gip_localizer.io.bags.bag import Bag
     from gip_localizer.io.bags.topics import choose_topics, TopicNames
     from gip_localizer.io.bags.truth import read_truth
@@ -114,8 +115,8 @@ def _open(args: argparse.Namespace) -> tuple[Bag, Topics, Trajectory | None, lis
                            find_mask=_base_parameters(args).mask.from_topic)
     notes = list(topics.notes)
     if topics.truth is not None:
-        truth, said = read_truth(bag, topics, _base_parameters(args).frames.map)
-        notes += said
+        truth, truth_notes = read_truth(bag, topics, _base_parameters(args).frames.map)
+        notes += truth_notes
     return bag, topics, truth, notes
 
 
@@ -127,7 +128,7 @@ def _base_parameters(args: argparse.Namespace) -> Parameters:
 
 
 def _parameters(args: argparse.Namespace, truth: Trajectory | None) -> Parameters:
-    from gip_localizer.cli.settings import beside
+    from gip_localizer.cli.settings import file_next_to
     from gip_localizer.errors import ParameterError
 
     changes: dict[str, object] = {}
@@ -138,7 +139,7 @@ def _parameters(args: argparse.Namespace, truth: Trajectory | None) -> Parameter
         changes |= {'initial_pose.set': True, 'initial_pose.x': x, 'initial_pose.y': y,
                     'initial_pose.yaw': yaw}
     parameters = _base_parameters(args).replace(changes)
-    raster = args.map or parameters.map_file or beside(args.bag, 'map.yaml')
+    raster = args.map or parameters.map_file or file_next_to(args.bag, 'map.yaml')
     if not raster:
         raise ParameterError('no map: give --map MAP.yaml, or map_file in --params')
     return parameters.replace({'map_file': str(raster)})

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`--set NAME=VALUE`, files beside a bag, what Ctrl-C may interrupt: shared by the verbs."""
+"""Shared by the verbs: `--set NAME=VALUE`, files next to a bag, and handling of Ctrl-C."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def parse_settings(words: Sequence[str], tree: type[ParameterGroup]) -> dict[str
     Raises
     ------
     ParameterError
-        A word without `=`. Unknown names and bad values are refused by the tree itself.
+        A word has no `=`. Unknown names and values outside their range are refused later.
 
     """
     types = {spec.name: spec.type for spec in tree.specs()}
@@ -37,7 +37,7 @@ def parse_settings(words: Sequence[str], tree: type[ParameterGroup]) -> dict[str
 
 
 def _value(text: str, kind: type) -> object:
-    """Return the text as the type; as it is where it cannot be (refused with its range later)."""
+    """Return the text as the type, or unchanged if that is impossible (refused later)."""
     if kind is bool:
         return {'true': True, 'false': False}.get(text.lower(), text)
     if kind in (int, float):
@@ -48,8 +48,8 @@ def _value(text: str, kind: type) -> object:
     return text
 
 
-def beside(bag: Sequence[Path], name: str) -> Path | None:
-    """Return a file that `gip simulate` puts beside its bag, if it is there."""
+def file_next_to(bag: Sequence[Path], name: str) -> Path | None:
+    """Return the file of this name in the folder of the bag, or None if there is none."""
     folder = bag[0] if bag[0].is_dir() else bag[0].parent
     path = folder / name
     return path if path.is_file() else None
@@ -58,20 +58,20 @@ def beside(bag: Sequence[Path], name: str) -> Path | None:
 def recorded_parameters(
     args: argparse.Namespace, changes: Mapping[str, object] | None = None
 ) -> Parameters:
-    """Return what `--params` (or the file beside `bag`), `changes`, each `--set` say, in turn."""
-    path = args.params or beside(args.bag, 'params.yaml')
+    """Return the parameters of `--params` (or next to the bag), then `changes`, then `--set`."""
+    path = args.params or file_next_to(args.bag, 'params.yaml')
     parameters = load_parameter_file(path) if path else Parameters()
     parameters = parameters.replace(changes or {})
     return parameters.replace(parse_settings(args.settings, Parameters))
 
 
 @contextmanager
-def ctrl_c(*, heard: bool) -> Iterator[None]:
-    """Let Ctrl-C interrupt (even where a shell's & made the process deaf to it), or wait."""
+def ctrl_c(*, interrupts: bool) -> Iterator[None]:
+    """Let Ctrl-C interrupt (even if a shell's `&` disabled it), or ignore it meanwhile."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    answer = signal.default_int_handler if heard else signal.SIG_IGN
+    answer = signal.default_int_handler if interrupts else signal.SIG_IGN
     before = signal.signal(signal.SIGINT, answer)
     try:
         yield

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`gip simulate`: a bag of a synthetic drive, with its map and parameters."""
+"""`gip simulate`: record a synthetic drive as a bag, with its map and parameters."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ def add_parser(verbs: Any) -> None:
     """Add the verb to the parser of `gip`."""
     parser = verbs.add_parser(
         'simulate', help='record a synthetic drive as a bag, with map and parameters',
-        description='Write a rosbag2 folder (MCAP) with map.yaml, params.yaml and ground truth; '
-                    'replay it with: gip replay DIR',
+        description='Write a rosbag2 folder (MCAP) with map.yaml, params.yaml and ground truth. '
+                    'Replay it with: gip replay DIR',
     )
     parser.add_argument('--scenario', default='clear', metavar='NAME',
-                        help='conditions; an unknown name lists them (default: clear)')
+                        help='conditions; an unknown name prints the list (default: clear)')
     parser.add_argument('--seconds', type=float, default=20.0, metavar='S',
                         help='length of the drive (default: 20)')
     parser.add_argument('--rate', type=float, metavar='HZ', help='images per second')
     parser.add_argument('--seed', type=int, metavar='N',
-                        help='of noise, odometry, traffic and weather')
+                        help='seed of noise, odometry, traffic and weather')
     parser.add_argument('--transport', choices=('raw', 'jpeg', 'png'), default='raw',
-                        help='how images are recorded (default: raw)')
+                        help='format of the recorded images (default: raw)')
     parser.add_argument('--quality', type=int, default=90, metavar='1-100',
-                        help='of jpeg (default: 90)')
+                        help='quality of jpeg images (default: 90)')
     parser.add_argument('--params', type=Path, metavar='FILE',
                         help='ROS parameter YAML of the synthetic camera')
     parser.add_argument('--set', action='append', default=[], metavar='NAME=VALUE',
-                        dest='settings', help='one of its parameters; repeatable')
+                        dest='settings', help='one parameter of the synthetic camera; repeatable')
     parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='DIR',
                         help=f'folder to write (default: {DEFAULT_OUT})')
-    parser.add_argument('--force', action='store_true', help='replace a bag that lies in --out')
+    parser.add_argument('--force', action='store_true', help='replace an existing bag in --out')
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the folder."""
+    """Write the bag folder."""
     from tqdm import tqdm
 
     from gip_localizer.io.output_folder import check_folder, fresh_folder

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Beyond the paper: the task of a vehicle, for ours and for what others would use.
+Beyond the paper: the task of a vehicle, solved by the norms and by other methods.
 
-The paper compares two places on the lattice of the tiles. Here the place is any in a window
-about a prior, then also at any heading within ten degrees, then also at an exposure that nobody
-knows. A frame is a success if the estimate lies within half a tile of the truth.
+The paper compares two places on the lattice of the tiles. Here the place is unknown within a
+window around a prior; in the second task the heading within ten degrees is unknown too; in the
+third also the exposure. An estimate within half a tile of the truth is a success.
 
 """
 
@@ -45,20 +45,28 @@ from gip_localizer.parameters import Birdseye
 from gip_localizer.synthetic.renderer import Renderer
 
 AMPLITUDES = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 32.0, 100.0, 300.0, 1000.0)
+"""Amplitudes a of the tiles, in the paper's unit; chosen."""
 WORLD_M, WORLD_RESOLUTION_M = 16.0, 0.01
-CELL_M = 0.05  # cells of the view that the norms judge, and their lattice
-OFFSET_M, REACH_M = 0.5, 0.6  # the truth lies within, the window reaches to
+"""Side and cell size of the road, metres; chosen."""
+CELL_M = 0.05
+"""Cell size of the view for the norms, and step of their lattice, metres; chosen."""
+OFFSET_M, REACH_M = 0.5, 0.6
+"""Largest offset of the truth from the prior, and half-width of the window, metres; chosen."""
 YAW_OFFSET, YAW_REACH, YAW_STEP = math.radians(8.0), math.radians(10.0), math.radians(2.0)
+"""Largest heading offset, half-width of the window and step, radians; chosen."""
 GAINS, OFFSETS = (0.5, 1.5), (-0.2, 0.2)
-DECAY = 1e-3  # 1/m²
+"""Ranges of gain (no unit) and offset (fraction of full scale) of the exposure; chosen."""
+DECAY = 1e-3
+"""Decay of the weights with the squared distance, 1/m²: that of YabLoc."""
 MIN_OVERLAP = 0.9
+"""Least fraction of the view that the map must cover; chosen."""
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 Floats32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is unknown, apart from the place."""
+    """Unknowns in addition to the position."""
 
     name: str
     yaw: bool
@@ -78,12 +86,12 @@ NORMS = {  # method: (weights, gain and offset profiled out)
     'normalized standard': ('equal', True),
     'normalized distance decay': ('decay', True),
 }
-PEERS: dict[str, tuple[Callable[[Scene], Pose2 | None], float]] = {  # method: (how, cell)
+BASELINES: dict[str, tuple[Callable[[Scene], Pose2 | None], float]] = {  # method: (function, cell)
     'ORB + homography': (orb_homography, ORB_CELL_M),
     'phase correlation': (phase_correlation, PHASE_CELL_M),
     'ECC': (ecc, ECC_CELL_M),
 }
-METHODS = (*NORMS, *PEERS)
+METHODS = (*NORMS, *BASELINES)
 
 
 @dataclass(frozen=True)
@@ -98,7 +106,7 @@ class BeyondPoint:
 
     @property
     def rate(self) -> float:
-        """Share of frames within half a tile of the truth."""
+        """Fraction of frames within half a tile of the truth."""
         return self.successes / self.trials
 
     @property
@@ -113,25 +121,25 @@ def run_beyond(
     amplitudes: tuple[float, ...] = AMPLITUDES, trials: int,
 ) -> list[BeyondPoint]:
     """
-    Measure success rates of all methods.
+    Measure the success rates of all methods.
 
     Parameters
     ----------
     camera : PaperCamera
         Camera, noise and squares.
     seed : int
-        Seed of road, places, exposures and noise.
+        Seed of road, positions, exposures and noise.
     progress : callable
-        Wraps the pairs of trial and task.
+        Wraps the iteration over pairs of trial and task.
     amplitudes : tuple of float
-        The paper's a; the noise is scaled to it, the road's contrast stays.
+        The paper's a. The contrast of the road is constant; the noise is scaled to give this a.
     trials : int
-        Places; each gives a frame per task and amplitude.
+        Number of positions; each gives a frame per task and amplitude.
 
     Returns
     -------
     list of BeyondPoint
-        Per task, amplitude and method.
+        One point per task, amplitude and method.
 
     """
     bench = _Bench(camera, seed)
@@ -146,7 +154,7 @@ def run_beyond(
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """A clean image, the prior, the truth relative to it, and the headings to consider."""
+    """An image without noise, the prior, the truth relative to it, and the heading window."""
 
     image: Floats32
     prior: Pose2
@@ -155,7 +163,7 @@ class _Place:
 
 
 class _Bench:
-    """Road, camera, rectifiers and weights, and the random numbers of the trials."""
+    """Test bench: road, camera, rectifiers, weights, and the random numbers of the trials."""
 
     def __init__(self, camera: PaperCamera, seed: int) -> None:
         self._camera = camera
@@ -168,12 +176,12 @@ class _Bench:
         view = square_birdseye(camera)
         self._rectifiers = {
             cell: Rectifier(model, Birdseye(view.near, view.far, view.half_width, cell))
-            for cell in {CELL_M, *(cell for _, cell in PEERS.values())}
+            for cell in {CELL_M, *(cell for _, cell in BASELINES.values())}
         }
         self._half_tile = 0.5 * camera.square * CM
 
     def place(self, task: Task, trial: int) -> _Place:
-        """Draw a prior, a truth near it and an exposure, the same for each task, and render."""
+        """Draw prior, truth and exposure (the same for each task), and render the image."""
         rng, margin = np.random.default_rng((self._seed, trial)), 5.0
         prior = Pose2(
             rng.uniform(margin, WORLD_M - margin), rng.uniform(margin, WORLD_M - margin),
@@ -188,14 +196,14 @@ class _Bench:
         return _Place(image, prior, truth, YAW_REACH * task.yaw)
 
     def judge(self, place: _Place, amplitude: float) -> dict[str, bool]:
-        """Add noise to the image, and tell which methods find the place."""
+        """Add noise to the image, and return for each method whether it succeeds."""
         noise = pixel_noise(self._camera, amplitude)
         image = np.float32(noise) * self._rng.standard_normal(place.image.shape, np.float32)
         image += place.image
         views = {cell: rect.rectify(image) for cell, rect in self._rectifiers.items()}
         found = self._by_norms(views[CELL_M], place, noise)
-        for name, (peer, cell) in PEERS.items():
-            found[name] = peer(self._scene(views[cell], place))
+        for name, (localize, cell) in BASELINES.items():
+            found[name] = localize(self._scene(views[cell], place))
         return {
             name: pose is not None
             and math.hypot(pose.x - place.truth.x, pose.y - place.truth.y) <= self._half_tile
@@ -226,7 +234,7 @@ class _Bench:
 
 
 def _weights(view: View, noise: float) -> dict[str, Floats32]:
-    """Return the Gramian, equal weights, and weights that fall with the distance."""
+    """Return three weights: the Gramian, equal weights, and weights that decay with distance."""
     equal = view.valid.astype(np.float32)
     distance_sq = (view.grid.points() ** 2).sum(axis=1).reshape(view.grid.shape)
     return {

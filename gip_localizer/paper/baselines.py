@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What others would do with the same view and map: ORB, phase correlation, ECC.
+Baseline methods on the same view and map: ORB, phase correlation, ECC.
 
-Each gets the bird's-eye view, and the map around the prior in the prior's axes, with the cell and
-the smoothing that served it best in trials. Each returns the pose of base relative to the prior,
-or None.
+Each method gets the bird's-eye view and the map around the prior, in the axes of the prior. Cell
+size and smoothing are the best of those tried for each method. Each returns the pose of base
+relative to the prior, or None.
 
 """
 
@@ -27,12 +27,18 @@ from gip_localizer.core.pose import Pose2
 Floats32 = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 
-ORB_SMOOTHING_M, ECC_SMOOTHING_M = 0.04, 0.02  # standard deviation, against the noise
-ORB_CELL_M, PHASE_CELL_M, ECC_CELL_M = 0.01, 0.05, 0.02  # ORB's patches need small cells
+ORB_SMOOTHING_M, ECC_SMOOTHING_M = 0.04, 0.02
+"""Standard deviations of the smoothing against noise, metres; the best of those tried."""
+ORB_CELL_M, PHASE_CELL_M, ECC_CELL_M = 0.01, 0.05, 0.02
+"""Cell sizes, metres; the best of those tried (the patches of ORB need small cells)."""
 RANSAC_PX = 3.0
+"""Largest reprojection error of a RANSAC inlier, px: OpenCV's default."""
 MIN_MATCHES = 6
-ECC_BLURS = (41, 11)  # px, coarse to fine
+"""Least number of feature matches for a homography; chosen above the minimum of 4."""
+ECC_BLURS = (41, 11)
+"""Sizes of the Gaussian filters of the coarse and the fine run, px; chosen."""
 ECC_STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 60, 1e-5)
+"""Stop after 60 iterations or at a change of the correlation below 1e-5; chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +57,7 @@ class Scene:
     reach : float
         Half-width of the window, metres.
     yaws : (n,) float64
-        Headings to consider relative to the prior, radians.
+        Candidate headings relative to the prior, radians.
 
     """
 
@@ -62,7 +68,7 @@ class Scene:
     yaws: Floats
 
     def surroundings(self) -> Grid:
-        """Return the view's cells widened by the window."""
+        """Return the grid of the view, enlarged by the window."""
         grid, cells = self.view.grid, math.ceil(self.reach / self.view.grid.resolution)
         margin = cells * grid.resolution
         return Grid(
@@ -71,12 +77,12 @@ class Scene:
         )
 
     def map_picture(self, grid: Grid, smoothing: float = 0.0) -> Floats32:
-        """Return the map on cells in the prior's axes, smoothed by so many metres."""
+        """Return the map on a grid in the prior's axes, smoothed by `smoothing` metres."""
         values, _ = self.raster_map.sample(self.anchor.transform(grid.points()))
         return _smooth(values.reshape(grid.shape), smoothing / grid.resolution)
 
     def view_picture(self, smoothing: float = 0.0) -> Floats32:
-        """Return the view, its mean where nothing is seen, smoothed by so many metres."""
+        """Return the view, smoothed by `smoothing` metres; cells not seen hold its mean."""
         view = self.view
         mean = view.patch[view.valid].mean()
         filled = np.where(view.valid, view.patch, mean)
@@ -84,7 +90,7 @@ class Scene:
 
 
 def orb_homography(scene: Scene) -> Pose2 | None:
-    """Match ORB features between view and map; pose from the RANSAC homography."""
+    """Match ORB features of view and map; the pose follows from the RANSAC homography."""
     orb = cv2.ORB_create(nfeatures=1000, fastThreshold=7)  # type: ignore[attr-defined]
     around = scene.surroundings()
     inside = cv2.erode(scene.view.valid.astype(np.uint8), np.ones((9, 9), np.uint8))
@@ -106,7 +112,7 @@ def orb_homography(scene: Scene) -> Pose2 | None:
 
 
 def phase_correlation(scene: Scene) -> Pose2 | None:
-    """Phase-correlate the view with the map at every heading; the strongest response wins."""
+    """Phase-correlate view and map at every heading; return the strongest response."""
     around, step = scene.surroundings(), scene.view.grid.resolution
     world = scene.map_picture(around).astype(np.float64)
     world -= world.mean()
@@ -123,7 +129,7 @@ def phase_correlation(scene: Scene) -> Pose2 | None:
 
 
 def ecc(scene: Scene) -> Pose2 | None:
-    """Align by `cv2.findTransformECC` from the prior, coarse to fine: a local method."""
+    """Align with `cv2.findTransformECC`, coarse to fine from the prior: a local method."""
     grid = scene.view.grid
     world = scene.map_picture(grid, ECC_SMOOTHING_M)
     picture = scene.view_picture(ECC_SMOOTHING_M)
@@ -135,7 +141,7 @@ def ecc(scene: Scene) -> Pose2 | None:
                 world, picture, warp, cv2.MOTION_EUCLIDEAN, ECC_STOP, mask, blur
             )
     except cv2.error:
-        return None  # it says so when it does not converge
+        return None  # raised if it does not converge
     full = np.vstack([np.asarray(warp, float), [0.0, 0.0, 1.0]])
     metres = _to_metres(grid)
     return _pose(np.linalg.inv(metres @ full @ np.linalg.inv(metres)), scene)
@@ -151,14 +157,14 @@ def _smooth(values: Floats32, sigma: float) -> Floats32:
 
 
 def _bytes(values: Floats32) -> Bytes:
-    """Return a picture stretched to 8 bits, three standard deviations about its mean."""
+    """Return a picture of 8 bits that covers three standard deviations around the mean."""
     mean, spread = float(values.mean()), max(float(values.std()), 1e-6)
     stretched = 127.5 + (values - mean) * (127.5 / (3.0 * spread))
     return np.asarray(np.clip(stretched, 0.0, 255.0), np.uint8)
 
 
 def _to_metres(grid: Grid) -> Floats:
-    """Return the matrix from (column, row, 1) of a picture to (x, y, 1), metres."""
+    """Return the matrix (3, 3) from (column, row, 1) of a picture to (x, y, 1) in metres."""
     step = grid.resolution
     return np.array([
         [0.0, -step, grid.far - 0.5 * step], [-step, 0.0, grid.left - 0.5 * step],
@@ -167,7 +173,7 @@ def _to_metres(grid: Grid) -> Floats:
 
 
 def _turned(picture: Floats, grid: Grid, around: Grid, yaw: float) -> Floats:
-    """Return the view turned about base by a yaw, on the cells of the surroundings."""
+    """Return the view rotated about base by a yaw, on the enlarged grid."""
     c, s = math.cos(yaw), math.sin(yaw)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     affine = np.linalg.inv(_to_metres(around)) @ turn @ _to_metres(grid)
@@ -176,7 +182,7 @@ def _turned(picture: Floats, grid: Grid, around: Grid, yaw: float) -> Floats:
 
 
 def _pose(T_anchor_base: Floats, scene: Scene) -> Pose2 | None:
-    """Return the pose that a plane transform has about the view's middle; None outside."""
+    """Return the pose of a plane transform at the view's centre; None outside the window."""
     grid = scene.view.grid
     ahead = grid.far - 0.5 * grid.rows * grid.resolution
     ends = T_anchor_base @ np.array([[ahead - 0.1, ahead + 0.1], [0.0, 0.0], [1.0, 1.0]])

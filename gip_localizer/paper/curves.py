@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated figure as numbers: exact, sampled and printed, amplitude by amplitude."""
+"""The numbers of the simulated figure: exact, sampled and printed, for each amplitude."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ from gip_localizer.paper.squares import Squares, visible_squares
 from gip_localizer.paper.standard_error import pair_law
 
 AMPLITUDES = np.arange(1, 101) / 10.0
-BAND_999 = float(norm.ppf(0.9995))  # 99.9 %, two-sided, each point by itself
+"""Amplitudes a of the squares, 0.1 to 10 in the paper's unit, as in its figure."""
+BAND_999 = float(norm.ppf(0.9995))
+"""Half-width of the two-sided 99.9 % band of a single point, in standard errors."""
 GAIN_AT = (0.3, 0.01, 1e-4)
+"""Probabilities of error for which the gain in signal is computed; chosen."""
 NAMES = ('standard', 'generalized')
 Progress = Callable[[Iterable[float]], Iterable[float]]
 
@@ -38,7 +41,7 @@ class Curve:
     error : (n,) float64
         Standard error of `sampled` about `exact`.
     printed : (n,) float64
-        The paper's points; NaN for a camera that is not the paper's.
+        Points printed in the paper; NaN for a camera that differs from the paper's.
     printed_error : (n,) float64
         Standard error of the paper's 10,000 pairs about `exact`.
 
@@ -52,12 +55,12 @@ class Curve:
 
     @property
     def outside(self) -> int:
-        """Sampled points outside their 99.9 % band."""
+        """Number of sampled points outside their 99.9 % band."""
         return int((np.abs(self.sampled - self.exact) > BAND_999 * self.error).sum())
 
     @property
     def printed_rms(self) -> float:
-        """Root mean square of (printed − exact) / standard error; NaN if not printed."""
+        """Root mean square of (printed − exact) / standard error; NaN without printed points."""
         return float(np.sqrt(np.mean(((self.printed - self.exact) / self.printed_error) ** 2)))
 
 
@@ -75,7 +78,7 @@ class Curves:
 
     @property
     def is_paper(self) -> bool:
-        """Whether the camera is the paper's, so that the printed points apply."""
+        """True for the paper's camera, to which the printed points apply."""
         return self.camera == PaperCamera()
 
 
@@ -83,7 +86,7 @@ def compute_curves(
     camera: PaperCamera, samples: int, seed: int, progress: Progress = iter
 ) -> Curves:
     """
-    Compute both curves, exactly and by the paper's sampling.
+    Compute both curves, exactly and with the paper's sampling.
 
     Parameters
     ----------
@@ -94,7 +97,7 @@ def compute_curves(
     seed : int
         Seed of the pairs.
     progress : callable
-        Wraps the amplitudes that are being worked on.
+        Wraps the iteration over amplitudes.
 
     Returns
     -------
@@ -127,7 +130,7 @@ def compute_curves(
 
 
 def _check_signal(camera: PaperCamera, squares: Squares) -> None:
-    """Refuse noise so weak or strong that the curves are flat for a = 0.1 … 10."""
+    """Refuse noise that is so weak or strong that the curves are flat for a = 0.1 … 10."""
     weakest, strongest = camera.snr_constant * np.array(
         [AMPLITUDES[-1] ** 2 * squares.gramian.sum(), AMPLITUDES[0] ** 2 * squares.gramian.max()]
     )

@@ -4,17 +4,18 @@
 The curves of Fig. SimResultsD8 without sampling.
 
 The points of the figure are means of WeightedCDF and UnweightedCDF over random pairs u*, û of
-amplitudes ±a. Such a mean is the probability that, noise *and* pair drawn at random,
+amplitudes ±a. If noise *and* pair are random, such a mean is the probability that
 
-    Y = Σ_k b_k w_k (a + n_k) < 0,   b_k ∈ {0, 1} evenly (do the vectors differ in square k?),
+    Y = Σ_k b_k w_k (a + n_k) < 0,
 
-with w = G (generalized) or w = 1 (standard) and n_k normal of variance N0/Ã_k. All terms are
-independent, so Y has the transform
+with w = G (generalized) or w = 1 (standard), n_k normal with variance N0/Ã_k, and b_k = 1 if the
+vectors differ in square k (probability one half), else 0. All terms are independent, so Y has the
+transform
 
     M(s) = E exp(−s Y) = Π_k ½(1 + exp(−s w_k a + s² w_k² σ_k²/2)),
 
-and P(Y < 0) is the Bromwich integral of M(s)/s along Re s = c > 0. Through the saddle point c
-the trapezoidal rule converges exponentially: all digits, the smallest probabilities included.
+and P(Y < 0) is the Bromwich integral of M(s)/s along Re s = c > 0. Through the saddle point c the
+trapezoidal rule converges exponentially, so that even the smallest probabilities are accurate.
 
 """
 
@@ -33,8 +34,10 @@ from gip_localizer.paper.squares import Squares
 
 Complexes = NDArray[np.complexfloating[Any, Any]]
 
-TAIL = 9.0  # standard deviations beyond which a normal law is below double precision
-ALIAS = 40.0  # exponent of the error that the step of the rule leaves
+TAIL = 9.0
+"""Number of standard deviations beyond which a normal law is below double precision."""
+ALIAS = 40.0
+"""Exponent of the error exp(−40) that the step of the trapezoidal rule leaves (no unit)."""
 
 
 def exact_error(
@@ -69,10 +72,10 @@ def equal_error_amplitude(
     probability: float, squares: Squares, snr_constant: float, *, generalized: bool
 ) -> float:
     """
-    Return the amplitude at which the exact curve passes through a probability.
+    Return the amplitude at which the exact curve has a given probability.
 
-    NaN for a probability that it never reaches: the pairs of equal vectors err in one half of
-    the cases at any amplitude.
+    NaN if the curve never reaches it: pairs of equal vectors have a probability of error of one
+    half at any amplitude.
 
     """
     if probability <= 0.51 * 2.0**-squares.total:
@@ -90,7 +93,7 @@ def equal_error_amplitude(
 
 
 def gain_db(probability: float, squares: Squares, snr_constant: float) -> float:
-    """Return what the generalized inner product saves in signal at equal error, dB."""
+    """Return how much less signal the generalized inner product needs at equal error, dB."""
     standard, generalized = (
         equal_error_amplitude(probability, squares, snr_constant, generalized=flag)
         for flag in (False, True)
@@ -99,7 +102,7 @@ def gain_db(probability: float, squares: Squares, snr_constant: float) -> float:
 
 
 def _probability_below_zero(mean: Floats, sigma: Floats, counts: Floats) -> float:
-    """P(Y < 0) for a sum over rows of `counts` normals, each there with probability one half."""
+    """P(Y < 0) for a sum over rows of `counts` normals, each present with probability one half."""
     scale = math.sqrt(0.5 * float(counts @ sigma**2))
     rows = _Rows(mean / scale, sigma / scale, counts)
     saddle = rows.saddle_point()
@@ -115,7 +118,7 @@ def _probability_below_zero(mean: Floats, sigma: Floats, counts: Floats) -> floa
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Mean and standard deviation of a square's term, and squares, per row; all (rows,)."""
+    """Mean and standard deviation of a square's term, and number of squares; all (rows,)."""
 
     mean: Floats
     sigma: Floats
@@ -129,7 +132,7 @@ class _Rows:
         return result
 
     def saddle_point(self) -> float:
-        """Return c > 0 where M(c)/c is least: there the integrand does not cancel."""
+        """Return c > 0 with the least M(c)/c, where the integrand does not cancel."""
 
         def log_integrand(log_c: float) -> float:
             c = math.exp(log_c)

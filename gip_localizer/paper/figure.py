@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Fig. SimResultsD8 again: linear as in the paper, and logarithmic beside it."""
+"""Fig. SimResultsD8 reproduced, with a linear axis as in the paper and a logarithmic one."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ def curves_figure(curves: Curves) -> Figure:
     Parameters
     ----------
     curves : Curves
-        What `compute_curves` returns.
+        Result of `compute_curves`.
 
     Returns
     -------
     Figure
-        Lines: exact; bands: 99.9 % of sampled points; dots: the paper's printed points, or the
-        sampled ones for another camera.
+        Lines: exact curves. Bands: 99.9 % of sampled points. Dots: the points printed in the
+        paper, or the sampled points for another camera.
 
     """
     figure = Figure(figsize=(10.5, 4.4), layout='constrained')

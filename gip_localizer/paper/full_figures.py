@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of the experiments on images: the paper's claim, and the task of a vehicle."""
+"""Figures of the experiments on images: the paper's experiment, and the task of a vehicle."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gip_localizer.paper.baseline_comparison import BeyondPoint, METHODS, TASKS
 from gip_localizer.paper.image_experiment import FORMULAS, PipelinePoint, RECTIFIERS
 from gip_localizer.paper.style import COLORS, LINES
 
-# Okabe and Ito's colours, which colour-blind readers tell apart; ours are black.
+# Colours by Okabe and Ito, distinguishable for colour-blind readers; the paper's norm is black.
 METHOD_LOOKS = {
     'generalized': ('#111111', '-', 'o'),
     'normalized generalized': ('#111111', '--', 's'),
@@ -30,7 +30,7 @@ METHOD_LOOKS = {
 
 
 def pipeline_figure(points: Sequence[PipelinePoint]) -> Figure:
-    """Draw measured error rates with 95 % intervals beside the theory's."""
+    """Draw measured error rates with 95 % intervals, and those of the theory."""
     figure = Figure(figsize=(7.2, 4.8), layout='constrained')
     axes = figure.subplots()
     for name in FORMULAS:
@@ -65,7 +65,7 @@ def _draw_measured(
 
 
 def beyond_figure(points: Sequence[BeyondPoint]) -> Figure:
-    """Draw success rate over amplitude, one panel per task."""
+    """Draw the success rate over the amplitude, one panel per task."""
     figure = Figure(figsize=(12.0, 5.4))
     figure.subplots_adjust(0.06, 0.26, 0.99, 0.94, wspace=0.05)
     panels = figure.subplots(1, len(TASKS), sharey=True)

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Focal plane geometry (paper, section of that name).
+Focal plane geometry (section of that name in the paper).
 
-The camera is at the origin, `h` above a flat road; z is depth along the optical axis, pitched
-down by `θ` below the horizon, x is lateral. Centimetres, as in the paper.
+The camera is at the origin, `h` above a flat road. z is the depth along the optical axis, which is
+pitched down by `θ` below the horizon; x is lateral. Lengths are in centimetres, as in the paper.
 
 """
 
@@ -55,7 +55,7 @@ class PaperCamera:
     noise_density: float = 0.0018
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be a camera."""
+        """Refuse impossible values."""
         for name, value in vars(self).items():
             limit = math.inf if not name.endswith('_deg') else 180.0
             if name == 'pitch_deg':
@@ -107,8 +107,8 @@ def depth_of_row(camera: PaperCamera, y_tilde: Floats) -> Floats:
     """
     Depth of the road at a row of the focal plane, equation z: `f h / (f sinθ − ỹ cosθ)`.
 
-    This quotient is also what the second argument of g in `g̃(x̃, ỹ)` should be; the paper
-    prints `h ỹ / (f sinθ − ỹ cosθ)` there, which is y and not z.
+    This quotient is also the correct second argument of g in `g̃(x̃, ỹ)`; the paper prints
+    `h ỹ / (f sinθ − ỹ cosθ)` there, which is y and not z.
 
     """
     f, h, theta = camera.focal_length, camera.height, camera.theta

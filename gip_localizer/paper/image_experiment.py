@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The paper's experiment on images: measured error rates beside the theory's.
+The paper's experiment on images: measured error rates compared with the theory.
 
-Per trial the paper's camera renders a place u* of a road of random tiles, white noise is added
-to every pixel, and the frame goes through the package's rectifier, Gramian and scores. An error
-is a place û, random among those around, that scores better than u*. The theory's rate is the
-mean of the general P(error) over the very pairs of the trials.
+In each trial the paper's camera renders a place u* of a road of random tiles, white noise is added
+to every pixel, and the frame is processed with the rectifier, Gramian and scores of the package.
+The trial is an error if a place û, drawn from the neighbouring places, scores better than u*. The
+rate of the theory is the mean of the general P(error) over the same pairs.
 
-Beside it, a rectifier that takes one bilinear sample at each square's centre instead of the mean
-over its footprint.
+For comparison, a second rectifier takes one bilinear sample at the centre of each square instead
+of the mean over its footprint.
 
 """
 
@@ -43,8 +43,11 @@ from gip_localizer.paper.theory import error_generalized, error_standard
 from gip_localizer.synthetic.renderer import Renderer
 
 AMPLITUDES = (0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)
+"""Amplitudes a of the tiles, in the paper's unit; chosen."""
 WORLD_M, WORLD_RESOLUTION_M = 8.0, 0.0025
-REACH = 3  # tiles: the other place is at most so far ahead and beside
+"""Side and cell size of the road, metres; chosen."""
+REACH = 3
+"""Largest distance of the competing place along and across the road, tiles; chosen."""
 RECTIFIERS = ('footprint mean', 'point sample')
 FORMULAS = {'generalized': error_generalized, 'standard': error_standard}
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
@@ -65,9 +68,9 @@ class PipelinePoint:
     rectifier : str
         One of `RECTIFIERS`.
     trials, errors : int
-        Frames, and how many of them chose û.
+        Number of frames, and of those in which û scores better.
     theory : float
-        Mean P(error) over the pairs of the trials; it supposes footprint means.
+        Mean P(error) over the pairs of the trials, which assumes footprint means.
 
     """
 
@@ -91,7 +94,7 @@ class PipelinePoint:
 
     @property
     def agrees(self) -> bool:
-        """Whether the theory lies in the interval."""
+        """True if the theory lies in the interval."""
         low, high = self.interval
         return low <= self.theory <= high
 
@@ -101,7 +104,7 @@ def run_pipeline(
     amplitudes: tuple[float, ...] = AMPLITUDES, trials: int,
 ) -> list[PipelinePoint]:
     """
-    Measure error rates on rendered frames.
+    Measure the error rates on rendered frames.
 
     Parameters
     ----------
@@ -110,16 +113,16 @@ def run_pipeline(
     seed : int
         Seed of road, places and noise.
     progress : callable
-        Wraps the trials.
+        Wraps the iteration over trials.
     amplitudes : tuple of float
         The paper's a.
     trials : int
-        Places; each gives a frame per amplitude.
+        Number of places; each gives a frame per amplitude.
 
     Returns
     -------
     list of PipelinePoint
-        Per amplitude: both inner products with both rectifiers.
+        For each amplitude both inner products with both rectifiers.
 
     """
     bench = _Bench(camera, seed)
@@ -140,7 +143,7 @@ def run_pipeline(
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """A true place with its clean image, the candidates around it, and the one that competes."""
+    """A true place with its image without noise, the candidates around it, and the competitor."""
 
     image: Floats32
     lattice: Lattice
@@ -150,7 +153,7 @@ class _Place:
 
 
 class _Bench:
-    """Road, camera and rectifiers, and the random numbers of the trials."""
+    """Test bench: road, camera and rectifiers, and the random numbers of the trials."""
 
     def __init__(self, camera: PaperCamera, seed: int) -> None:
         self._camera = camera
@@ -164,7 +167,7 @@ class _Bench:
         self._sampler = point_sampler(self._rectifier)
 
     def place(self) -> _Place:
-        """Draw a place and one that competes, at most `REACH` tiles away."""
+        """Draw a place and a competing place, at most `REACH` tiles away."""
         pose = aligned_pose(self._world, self._rectifier, REACH + 1, self._rng)
         lattice = Lattice(pose, self._world.coarse.resolution, (REACH, REACH), np.zeros(1))
         side = 2 * REACH + 1
@@ -176,7 +179,7 @@ class _Bench:
         )
 
     def judge(self, place: _Place, amplitude: float) -> dict[tuple[str, str], bool]:
-        """Add noise to the image, and tell who chooses the other place."""
+        """Add noise to the image, and return which combinations choose the competing place."""
         noise = pixel_noise(self._camera, amplitude)
         image = np.float32(noise) * self._rng.standard_normal(place.image.shape, np.float32)
         image += place.image
@@ -192,7 +195,7 @@ class _Bench:
         }
 
     def theory(self, place: _Place, amplitude: float) -> dict[str, float]:
-        """Return P(error) for this very pair."""
+        """Return P(error) for the pair of the trial."""
         area = self._footprint[self._chosen].astype(float)
         constant = pixel_noise(self._camera, amplitude) ** -2  # 1/N0, with Ã for G
         return {
@@ -208,7 +211,7 @@ class _Bench:
         return bool(scores.residual[(0, *place.other)] < scores.residual[0, REACH, REACH])
 
     def _tiles_at(self, pose: Pose2) -> Floats:
-        """Return the map at the squares seen from a pose, (m,)."""
+        """Return the map at the squares that are seen from a pose, (m,)."""
         points = self._rectifier.grid.points()[self._chosen.ravel()]
         values, _ = self._world.coarse.sample(pose.transform(points))
         return values.astype(float)

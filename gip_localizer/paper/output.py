@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of the paper's results."""
+"""Write the tables of `gip paper`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CURVES_COLUMNS = (
 
 
 def write_table(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a CSV file; floats keep ten significant digits, NaN is an empty field."""
+    """Write a CSV file; floats have ten significant digits, NaN is an empty field."""
     with path.open('w', encoding='utf-8', newline='') as file:
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(columns)

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The paper's camera as a camera with pixels, for the package's own renderer and rectifier.
+The paper's camera with pixels, for the renderer and the rectifier of the package.
 
-640 pixels span the paper's horizontal field of view. The image is a little wider than that,
-since the rule for the squares measures along the slant: the nearest row needs 1.06 times the
-width. In pixels N0 is the variance of one pixel, so white noise of standard deviation
-`√N0 · f_px / f` gives every square the signal-to-noise ratio of the paper.
+640 pixels span the paper's horizontal field of view. The image is wider, because the rule for the
+squares measures along the slant: the nearest row needs 1.06 times the width. White noise with a
+standard deviation of `√N0 · f_px / f` per pixel gives every square the signal-to-noise ratio of
+the paper.
 
 """
 
@@ -30,15 +30,19 @@ from gip_localizer.parameters import Birdseye
 from gip_localizer.synthetic.world_tiles import tiles
 
 PIXELS_ACROSS = 640
-CM = 0.01  # m
-GREY_PER_AMPLITUDE = 0.02  # the paper's a = 10 is 0.2 grey levels of [0, 1] about the mean
+"""Pixels across the paper's horizontal field of view; chosen."""
+CM = 0.01
+"""One centimetre, in metres."""
+GREY_PER_AMPLITUDE = 0.02
+"""Grey, of [0, 1], per unit of the paper's amplitude; chosen, so that a = 10 is 0.2."""
 MEAN_GREY = 0.5
+"""Mean grey of the tiles, of [0, 1]; chosen."""
 
 
 
 
 def pixel_camera(camera: PaperCamera) -> CameraModel:
-    """Return the camera above `base_link`, its image just large enough for all squares."""
+    """Return the camera above `base_link`; its image is just large enough for all squares."""
     focal = pixel_focal(camera)
     squares = visible_squares(camera)
     depth = depth_of_distance(camera, squares.distances)
@@ -59,7 +63,7 @@ def pixel_focal(camera: PaperCamera) -> float:
 
 def pixel_noise(camera: PaperCamera, amplitude: float) -> float:
     """
-    Return the noise of a pixel for squares of ±0.2 grey levels to have the SNR of ±amplitude.
+    Return the noise of a pixel that gives squares of ±0.2 grey levels the SNR of ±amplitude.
 
     Grey levels of [0, 1]; `√N0 · f_px / f` in units of the amplitude.
 
@@ -77,20 +81,20 @@ def square_birdseye(camera: PaperCamera) -> Birdseye:
 
 
 def paper_squares(squares: Squares, grid: Grid) -> Bools:
-    """Return which cells of `square_birdseye` are the paper's squares, (rows, cols)."""
-    beside = np.abs(np.arange(grid.cols) - grid.cols // 2)
-    return beside[None, :] <= squares.counts[::-1, None] // 2
+    """Return True for cells of `square_birdseye` that are squares of the paper, (rows, cols)."""
+    column = np.abs(np.arange(grid.cols) - grid.cols // 2)
+    return column[None, :] <= squares.counts[::-1, None] // 2
 
 
 @dataclass(frozen=True, eq=False)
 class TileWorld:
     """
-    A road of random tiles, ±0.2 about 0.5.
+    A road of random tiles with grey 0.5 ± 0.2.
 
     Attributes
     ----------
     fine : RasterMap
-        What is rendered.
+        The road that is rendered.
     coarse : RasterMap
         The map: one cell per tile.
 
@@ -117,10 +121,10 @@ def tile_world(camera: PaperCamera, *, size: float, resolution: float, seed: int
 def aligned_pose(
     world: TileWorld, rectifier: Rectifier, margin: int, rng: np.random.Generator
 ) -> Pose2:
-    """Return a pose whose squares are whole tiles, `margin` tiles inside the world."""
+    """Return a pose whose squares coincide with tiles, `margin` tiles inside the world."""
     grid, side = rectifier.grid, world.coarse.resolution
     rows, cols = world.coarse.grey.shape
     near = round(grid.far / side) - grid.rows
     ahead = rng.integers(margin - near, cols - margin - near - grid.rows + 1)
-    beside = rng.integers(margin + grid.cols // 2, rows - margin - grid.cols // 2)
-    return Pose2(float(ahead) * side, (float(beside) + 0.5) * side, 0.0)
+    column = rng.integers(margin + grid.cols // 2, rows - margin - grid.cols // 2)
+    return Pose2(float(ahead) * side, (float(column) + 0.5) * side, 0.0)

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The 100 × 2 points that the paper prints in Fig. SimResultsD8.
+The 100 × 2 points printed in Fig. SimResultsD8 of the paper.
 
-`printed_points.csv` holds them as the figure's source gives them (columns amplitude, standard,
-generalized). They belong to the 66 squares of the paper's parameters and to no other camera.
+`printed_points.csv` holds them as in the source of the figure (columns amplitude, standard,
+generalized). They apply only to the 66 squares of the paper's camera.
 
 """
 
@@ -17,6 +17,7 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 
 PRINTED_SAMPLES = 10_000
+"""Number of sampled pairs per printed point, from the paper."""
 
 
 def printed_points() -> tuple[Floats, Floats, Floats]:

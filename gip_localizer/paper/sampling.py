@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's way to its figure: random pairs u*, û of amplitudes ±a, and the mean error."""
+"""The paper's sampling: random pairs u*, û of amplitudes ±a, and their mean error."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.paper.theory import unweighted_cdf, weighted_cdf
 
-BATCH = 10_000  # pairs drawn at once, which bounds the memory
+BATCH = 10_000
+"""Number of pairs drawn at once, which bounds the memory; chosen."""
 
 
 def sampled_errors(
@@ -20,7 +21,7 @@ def sampled_errors(
     rng: np.random.Generator,
 ) -> tuple[float, float]:
     """
-    Mean of UnweightedCDF and of WeightedCDF over random pairs.
+    Return the means of UnweightedCDF and of WeightedCDF over random pairs.
 
     Parameters
     ----------
@@ -31,7 +32,7 @@ def sampled_errors(
     snr_constant : float
         `f² h secθ / N0`.
     samples : int
-        Pairs, at least one; the same pairs serve both means.
+        Number of pairs, at least 1; both means use the same pairs.
     rng : numpy.random.Generator
         Source of the pairs.
 

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The squares that the camera sees whole, by a rule that gives the paper's 66.
+The squares that the camera sees completely, by a rule that gives the paper's 66 squares.
 
-The rule is not in the text; it gives the widths of Fig. SimRoadPlane (5, 5, 7, 7, 9, 9, 11, 13)
-from the camera's parameters. Rows lie at whole multiples of the side inside the vertical field
-of view. A row holds the largest odd number of squares that fits within
-`± √(d² + h²) tan(fov/2)`, with d its near edge.
+The paper does not state the rule; this one reproduces the widths of Fig. SimRoadPlane (5, 5, 7, 7,
+9, 9, 11, 13) from the camera's parameters. Rows lie at whole multiples of the side within the
+vertical field of view. A row holds the largest odd number of squares that fits within
+`± √(d² + h²) tan(fov/2)`, where d is the ground distance of its near edge.
 
 """
 
@@ -23,21 +23,23 @@ from gip_localizer.errors import ParameterError
 from gip_localizer.paper.geometry import depth_of_distance, PaperCamera
 from gip_localizer.paper.theory import gramian
 
-SLACK = 1e-4  # of a side: the printed parameters carry six digits
+SLACK = 1e-4
+"""Tolerance, as a fraction of a side: the printed parameters have six digits."""
 MAX_SQUARES = 2000
+"""Largest number of squares, which bounds time and memory; chosen."""
 
 
 @dataclass(frozen=True, eq=False)
 class Squares:
     """
-    Rows of squares, near to far.
+    Rows of squares, from near to far.
 
     Attributes
     ----------
     distances : (rows,) float64
         Ground distance of each row's near edge, cm.
     counts : (rows,) int64
-        Squares in each row.
+        Number of squares in each row.
     row_gramian : (rows,) float64
         G_kk of a square of each row, 1/cm.
 
@@ -60,12 +62,12 @@ class Squares:
 
 def seen_distances(camera: PaperCamera) -> tuple[float, float]:
     """
-    Ground distances that the vertical field of view covers, cm: `h / tan(θ ± fov/2)`.
+    Return the ground distances within the vertical field of view, cm: `h / tan(θ ± fov/2)`.
 
     Raises
     ------
     ParameterError
-        The upper edge of the view is at or above the horizon: there would be no last row.
+        The upper edge of the view is at or above the horizon, so there is no last row.
 
     """
     half = 0.5 * math.radians(camera.fov_vertical_deg)
@@ -80,12 +82,12 @@ def seen_distances(camera: PaperCamera) -> tuple[float, float]:
 
 def visible_squares(camera: PaperCamera) -> Squares:
     """
-    Return the squares that the camera sees whole.
+    Return the squares that the camera sees completely.
 
     Raises
     ------
     ParameterError
-        None, or more rows than can be reckoned with.
+        There is no square, or there are more than `MAX_SQUARES`.
 
     """
     near, far = seen_distances(camera)

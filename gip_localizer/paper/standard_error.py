@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-How far a mean over N sampled pairs strays from the exact curve: its standard error.
+The standard error of a mean over N sampled pairs about the exact curve.
 
-For amplitudes ±a the argument of Φ depends on the pair only through the number D of squares
-that differ and a sum V over them: `a √(f² h secθ / N0) · √V` with V = Σ G (generalized) and
-`· D / √V` with V = Σ 1/G (standard). The joint law of (D, V) is a convolution over the rows,
-here on a fine lattice of V: good to four digits, ample for an error bar.
+For amplitudes ±a the argument of Φ depends on the pair only through the number D of squares that
+differ and a sum V over them. It is `a √(f² h secθ / N0)` times √V with V = Σ G (generalized), or
+times D / √V with V = Σ 1/G (standard). The joint law of (D, V) is a convolution over the rows. It
+is computed on a fine lattice of V, to about four digits, which is sufficient for an error bar.
 
 """
 
@@ -22,8 +22,11 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.paper.squares import Squares
 
 MAX_BINS, MIN_BINS = 4000, 300
-MAX_STATES = 300_000  # of D and V together, which bounds the time
+"""Largest and least number of bins of V; chosen."""
+MAX_STATES = 300_000
+"""Largest number of states of D and V together, which bounds the time; chosen."""
 NEGLIGIBLE = 1e-25
+"""Probability below which a state is dropped; chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +65,7 @@ def pair_law(squares: Squares, *, generalized: bool) -> PairLaw:
 
 
 def _joint_law(squares: Squares, per_square: Floats) -> tuple[Floats, float]:
-    """Law over (D, bin of V), and the width of a bin; a value between bins goes to both."""
+    """Return the law over (D, bin of V) and the bin width; values are split between two bins."""
     bins = min(max(MAX_STATES // squares.total, MIN_BINS), MAX_BINS)
     step = float(squares.counts @ per_square) / bins
     law = np.zeros((squares.total + 1, bins + len(squares.counts) + 2))

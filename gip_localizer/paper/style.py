@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How the figures of the paper's numbers look, and how they are saved: same input, same bytes."""
+"""Style of the figures of `gip paper`, and how they are saved: same input, same bytes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import matplotlib
 from matplotlib.figure import Figure
 
-# The paper's: dashed blue and solid black, which print and colour-blind readers tell apart.
+# As in the paper: dashed blue and solid black, distinguishable in print and if colour-blind.
 COLORS = {'standard': '#2166ac', 'generalized': '#111111'}
 LINES = {'standard': '--', 'generalized': '-'}
 STYLE: dict[Any, Any] = {

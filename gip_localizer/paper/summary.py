@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What is printed at the end: metric, value, unit."""
+"""The table that `gip paper` prints: metric, value, unit."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from gip_localizer.paper.curves import Curves, GAIN_AT, NAMES
 from gip_localizer.paper.image_experiment import PipelinePoint, RECTIFIERS
 
 Row = tuple[str, str, str]
-SHOWN = (0, 9, 49, 99)  # of the amplitudes
+SHOWN = (0, 9, 49, 99)
+"""Indices of the printed amplitudes: a = 0.1, 1, 5 and 10; chosen."""
 GOOD_RATE = 0.9
+"""Success rate from which a method counts as reliable; chosen."""
 
 
 def curve_rows(curves: Curves) -> list[Row]:
@@ -39,7 +41,7 @@ def curve_rows(curves: Curves) -> list[Row]:
 
 
 def pipeline_rows(points: Sequence[PipelinePoint]) -> list[Row]:
-    """Return at how many amplitudes the theory lies in the interval of the measured rate."""
+    """Return the number of amplitudes at which the theory lies in the measured interval."""
     rows = []
     for how in RECTIFIERS:
         for name in NAMES:
@@ -51,7 +53,7 @@ def pipeline_rows(points: Sequence[PipelinePoint]) -> list[Row]:
 
 
 def beyond_rows(points: Sequence[BeyondPoint]) -> list[Row]:
-    """Return the amplitude from which each method succeeds in nine frames of ten."""
+    """Return the amplitude from which each method succeeds in 90 % of the frames."""
     rows = []
     for task in TASKS:
         for method in METHODS:
@@ -63,7 +65,7 @@ def beyond_rows(points: Sequence[BeyondPoint]) -> list[Row]:
 
 
 def reliable_from(points: Sequence[BeyondPoint]) -> float:
-    """Return the amplitude from which the rate stays at 0.9 or more; NaN if never."""
+    """Return the amplitude from which the rate stays at least 0.9; NaN if there is none."""
     ordered = sorted(points, key=lambda point: point.amplitude)
     rates = np.array([point.rate for point in ordered])
     log_a = np.log([point.amplitude for point in ordered])

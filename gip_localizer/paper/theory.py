@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Footprint, SNR, Gramian and probability of error (paper, image acquisition and noise).
+Footprint, SNR, Gramian and probability of error (paper, section on image acquisition and noise).
 
 Vectors hold one amplitude per square along the last axis. Φ is the standard normal law; its
-complement 1 − Φ(t) is computed as Φ(−t), which keeps its digits in the tail.
+complement 1 − Φ(t) is computed as Φ(−t), which is accurate in the tail.
 
 """
 
@@ -62,8 +62,8 @@ def weighted_cdf(truth: Floats, other: Floats, weight: Floats, snr_constant: flo
     Probability that the generalized inner product errs, equation WeightedCDF.
 
     As printed, `1 − Φ(√(f² h secθ / N0) · ⟨u*−û, u*⟩_G / ‖u*−û‖_G)`. It holds for vectors of
-    equal G-norm, such as amplitudes ±a: the condition above it in the paper drops the
-    difference of the norms. `error_generalized` is free of that.
+    equal G-norm, such as amplitudes ±a, because the condition above it in the paper omits the
+    difference of the norms. `error_generalized` holds without this restriction.
 
     Parameters
     ----------
