@@ -23,6 +23,7 @@ from gip_localizer.parameters import Parameters
 from gip_localizer.ros.conversions import mono8
 from gip_localizer.ros.localizer.localization import Localization
 from gip_localizer.ros.localizer.worker import Worker
+from gip_localizer.session.dispatch import CAMERA_INFO, IMAGE, ODOMETRY
 
 pytestmark = pytest.mark.ros
 
@@ -38,15 +39,15 @@ def localization(tester, map_file):
 def test_a_frame_that_raises_is_told_and_the_next_one_gives_a_pose(
     localization, render, monkeypatch
 ):
-    frontend, told = localization._frontend, []
+    told = []
     monkeypatch.setattr(
         localization._outputs, 'publish', lambda estimate, _: told.append(estimate)
     )
-    frontend.on_camera_info(camera_info())
+    localization._take(CAMERA_INFO, camera_info())
     update = Localizer.update
 
     def localize(stamp):
-        localization._on_frame(frontend.on_image, mono8(stamp, 'camera', render(START)))
+        localization._take(IMAGE, mono8(stamp, 'camera', render(START)))
 
     monkeypatch.setattr(Localizer, 'update', lambda *_, **__: 1 / 0)
     localize(SECOND)
@@ -74,13 +75,12 @@ def test_what_came_during_a_search_is_taken_in_its_order_and_before_the_newest_i
 def test_an_odometry_message_that_raises_is_told_and_the_next_one_is_taken(
     localization, monkeypatch
 ):
-    frontend, inputs = localization._frontend, localization._inputs
-    take = frontend.on_odometry
-    monkeypatch.setattr(frontend, 'on_odometry', lambda _: 1 / 0)
-    inputs._take_odometry(odometry_message(SECOND, START))
+    frontend, add = localization._dispatch.frontend, Localizer.add_odometry
+    monkeypatch.setattr(Localizer, 'add_odometry', lambda *_: 1 / 0)
+    localization._take(ODOMETRY, odometry_message(SECOND, START))
     assert 'ZeroDivisionError' in frontend.complaints['odom']
-    monkeypatch.setattr(frontend, 'on_odometry', take)
-    inputs._take_odometry(odometry_message(2 * SECOND, START))
+    monkeypatch.setattr(Localizer, 'add_odometry', add)
+    localization._take(ODOMETRY, odometry_message(2 * SECOND, START))
     assert 'odom' not in frontend.complaints
 
 

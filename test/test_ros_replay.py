@@ -5,6 +5,10 @@
 from __future__ import annotations
 
 import math
+import os
+import signal
+import subprocess
+import sys
 
 from bag_samples import EPOCH, ODOM, serialized, small_drive, write_mcap
 from drive_samples import recorded, replayed
@@ -20,6 +24,7 @@ from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.io.messages import planar_pose, stamp_ns
 from gip_localizer.io.trajectory import read_tum
 from gip_localizer.parameters import load_parameter_file
+from gip_localizer.ros.conversions import time_of
 from gip_localizer.ros.middleware import image_environment
 from gip_localizer.ros.processes import NodeProcesses
 
@@ -79,6 +84,39 @@ def test_a_loop_begins_again(tester, nodes, tmp_path):
     play(nodes, bag, ['/odom'], loop=True, rate=20.0)
     tester.until(lambda: len(stamps) > 45, 'a second round')
     assert stamps[40] == stamps[0]
+
+
+READER = """
+import rclpy
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import Image
+rclpy.init()
+node = rclpy.create_node('reader')
+node.create_subscription(Image, '/camera/image', lambda m: print(m.header.stamp, flush=True),
+                         qos_profile_sensor_data)
+rclpy.spin(node)
+"""
+
+
+def test_the_last_image_reaches_a_reader_that_was_held_up_at_the_end(tester, nodes, tmp_path):
+    bag = write_mcap(tmp_path / 'a.mcap', STREAM)
+    log, heard = tmp_path / 'bag_player.log', tmp_path / 'heard'
+    late, last = ([str(time_of(EPOCH + i * 100_000_000)) for i in part]
+                  for part in (range(13, 18), [19]))  # fmt: skip
+    with heard.open('w') as out, subprocess.Popen(
+        [sys.executable, '-c', READER], stdout=out, env={**os.environ, **GRAPH}
+    ) as reader:
+        try:
+            play(nodes, bag, ['/camera/image'], rate=4.0)
+            tester.until(lambda: any(stamp in heard.read_text() for stamp in late), 'images')
+            # Fast DDS gives up a reader that stands still for a second.
+            reader.send_signal(signal.SIGSTOP)
+            tester.until(lambda: 'end of the bag' in log.read_text(), 'the end of the bag')
+            tester.spin(0.3)  # in which a player that does not wait has gone
+            reader.send_signal(signal.SIGCONT)
+            tester.until(lambda: last[0] in heard.read_text(), 'the last image')
+        finally:
+            reader.kill()
 
 
 def test_node_and_replay_give_the_same_poses(tester, nodes, drive, tmp_path):

@@ -82,7 +82,7 @@ def test_the_camera_is_where_static_transforms_put_it(nodes, tester, map_file, r
         tester.info.publish(camera_info())
         tester.image.publish(next(images))
         tester.executor_.spin_once(timeout_sec=0.05)
-        return tester.said('calibration', "no static transform connects 'base_link' and 'camera'")
+        return tester.said('calibration', "no transform connects 'base_link' and 'camera'")
 
     tester.until(told, 'a report of the missing transform', alive=process)
     assert tester.poses == []

@@ -77,11 +77,25 @@ def test_a_ring_of_frames_ends():
 
 
 @pytest.mark.parametrize('quaternion', [(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, math.nan)])
-def test_what_is_no_rotation_is_refused_and_the_others_are_taken(quaternion):
+def test_what_is_no_rotation_is_left_out_and_named_only_where_it_matters(quaternion):
     tree = StaticTransforms()
     bad = transform('base_link', 'bad', [0.0] * 3, Rotation.identity())
     bad.transform.rotation = Message(**dict(zip('xyzw', quaternion, strict=True)))
     good = transform('base_link', 'good', [0.0, 0.0, 1.0], Rotation.identity())
-    with pytest.raises(TransformError, match='bad'):
-        tree.take([bad, good])
+    tree.take([bad, good])
     assert tree.extrinsics('base_link', 'good').z == 1.0
+    with pytest.raises(TransformError, match='base_link to bad was left out'):
+        tree.extrinsics('base_link', 'bad')
+    tree.take([transform('base_link', 'bad', [0.0] * 3, Rotation.identity())])
+    with pytest.raises(TransformError) as refused:
+        tree.extrinsics('base_link', 'other')
+    assert 'left out' not in str(refused.value)
+
+
+def test_what_moves_above_both_frames_does_not_move_the_camera():
+    tree = StaticTransforms()
+    tree.take([transform('base_link', 'camera', [1.0, 0.2, 1.5], Rotation.identity())])
+    still = tree.extrinsics('base_link', 'camera')
+    turned = Rotation.from_euler('z', 1.1)
+    tree.take([transform('odom', 'base_link', [4e5, 5e6, 0.0], turned)])
+    assert tree.extrinsics('base_link', 'camera') == still

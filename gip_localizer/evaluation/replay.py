@@ -10,8 +10,10 @@ Only what the results need is kept of a frame, so that memory does not grow with
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
+import sys
 import time
 from typing import Any
 
@@ -25,17 +27,22 @@ from gip_localizer.evaluation.run import Run
 from gip_localizer.evaluation.worst_frames import WorstFrames
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.sources import BagMessage
-from gip_localizer.io.bags.topics import IMAGES, ODOMETRY, Topics
+from gip_localizer.io.bags.topics import IMAGES, Topics
 from gip_localizer.io.bags.window import BagWindow
 from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.trajectory import Trajectory
 from gip_localizer.parameters import Parameters
-from gip_localizer.session.frontend import Frontend
-from gip_localizer.session.mask_sync import Masked, MaskPairing
+from gip_localizer.session.dispatch import (
+    CAMERA_INFO,
+    Dispatch,
+    Frame,
+    IMAGE,
+    INITIAL_POSE,
+    MASK,
+    ODOMETRY,
+)
 
 COMPRESSED = IMAGES[1]
-
-
 
 
 @dataclass
@@ -69,14 +76,13 @@ class Replay:
 
     def __post_init__(self) -> None:
         """Prepare the localizer."""
-        self._frontend = Frontend(self.raster_map, self.parameters)
+        self._dispatch = Dispatch(
+            self.raster_map, self.parameters, partial(print, file=sys.stderr),
+            compressed=self.topics.image.msgtype == COMPRESSED,
+        )
         self._worst = WorstFrames(self.truth, self.raster_map)
-        self._complaints: dict[str, str] = {}
         self._warnings: dict[str, tuple[int, str]] = {}
         self._notes: list[str] = []
-        self._pairing = None
-        if self.topics.mask is not None:
-            self._pairing = MaskPairing(lambda: self.parameters.mask)
         self._seconds = 0.0
         self._complete = False
 
@@ -103,10 +109,10 @@ class Replay:
             for message in self.bag.messages(self.topics.replayed, *window.log_times(self.bag)):
                 decoded = self.bag.decode(message)
                 if decoded is not None:
-                    for estimate in self._take(message, decoded):
-                        on_frame(estimate)
-            for masked in self._pairing.flush() if self._pairing else ():
-                on_frame(self._localize(masked.image, masked))
+                    self._note(on_frame, self._dispatch.estimates(
+                        self._role(message), decoded, message.log_ns
+                    ))
+            self._note(on_frame, self._dispatch.rest())
             self._complete = True
         except KeyboardInterrupt:
             self._complete = False
@@ -126,7 +132,7 @@ class Replay:
             if decoded is None:
                 continue
             if image is not None and not start <= info.log_ns < image.log_ns:
-                self._frontend.on_camera_info(decoded)
+                self._dispatch.take(CAMERA_INFO, decoded, info.log_ns)
                 self._note_late_info(info.log_ns - image.log_ns)
             return
 
@@ -152,60 +158,40 @@ class Replay:
                    *self._truth_elsewhere(), *self._withheld()],
         )
 
-    def _take(self, raw: BagMessage, message: Any) -> Iterator[Estimate]:
-        """Hand a message on; yield the estimates of the frames that it completes."""
-        for masked in self._pairing.overdue(raw.log_ns) if self._pairing else ():
-            yield self._localize(masked.image, masked)
-        if raw.topic == self.topics.image.name:
-            if self._pairing is None:
-                yield self._localize(message)
-            elif (paired := self._pairing.add_image(message, raw.log_ns)) is not None:
-                yield self._localize(paired.image, paired)
-        elif self._pairing is not None and raw.topic == self._mask_name:
-            if (paired := self._pairing.add_mask(message)) is not None:
-                yield self._localize(paired.image, paired)
-        else:
-            self._take_other(raw, message)
+    def _role(self, raw: BagMessage) -> str:
+        """Return what a message is to the localizer."""
+        named = {IMAGE: self.topics.image, MASK: self.topics.mask,
+                 CAMERA_INFO: self.topics.camera_info, ODOMETRY: self.topics.odometry,
+                 INITIAL_POSE: self.topics.initial_pose}
+        return next(role for role, topic in named.items()
+                    if topic is not None and topic.name == raw.topic)
 
-    @property
-    def _mask_name(self) -> str:
-        return self.topics.mask.name if self.topics.mask is not None else ''
-
-    def _take_other(self, raw: BagMessage, message: Any) -> None:
-        if raw.topic == self.topics.camera_info.name:
-            self._frontend.on_camera_info(message)
-        elif raw.msgtype in ODOMETRY:
-            self._frontend.on_odometry(message)
-        else:
-            self._frontend.on_initial_pose(message)
-        for concern, reason in self._frontend.complaints.items():
-            self._complaints.setdefault(concern, reason)
-
-    def _localize(self, message: Any, masked: Masked | None = None) -> Estimate:
-        if self.topics.image.msgtype == COMPRESSED:
-            estimate = self._frontend.on_compressed_image(message, masked)
-            self._worst.add(lambda: _or_none(compressed_grey_image, message), estimate)
-        else:
-            estimate = self._frontend.on_image(message, masked)
-            self._worst.add(lambda: _or_none(grey_image, message), estimate)
-        for rule, detail in self._frontend.warnings.items():
-            times, first = self._warnings.get(rule, (0, detail))
-            self._warnings[rule] = (times + 1, first)
-        kept = replace(estimate, match=None)
-        self.estimates.append(kept)
-        return kept
+    def _note(
+        self, on_frame: Callable[[Estimate], None], found: Iterable[tuple[Frame, Estimate]]
+    ) -> None:
+        """Keep what the results need of each frame."""
+        compressed = self.topics.image.msgtype == COMPRESSED
+        decode = compressed_grey_image if compressed else grey_image
+        for frame, estimate in found:
+            self._worst.add(partial(_or_none, decode, frame.message), estimate)
+            for rule, detail in self._dispatch.frontend.warnings.items():
+                times, first = self._warnings.get(rule, (0, detail))
+                self._warnings[rule] = (times + 1, first)
+            kept = replace(estimate, match=None)
+            self.estimates.append(kept)
+            on_frame(kept)
 
     def _unusable(self) -> list[str]:
-        counts = self._frontend.counts
+        counts = self._dispatch.frontend.counts
         return [
             f'{concern}: {counts.get(f"{concern}_refused", 0)} of {counts.get(concern, 0)} '
             f'messages refused, the first because: {reason}'
-            for concern, reason in self._complaints.items()
+            for concern, reason in self._dispatch.first_complaints.items()
         ] + [
             f'{rule} in {times} of {len(self.estimates)} frames, first: {detail}'
             for rule, (times, detail) in self._warnings.items()
-        ] + ([f'{self._pairing.dropped} images were overtaken by a newer one with its mask']
-             if self._pairing is not None and self._pairing.dropped else [])
+        ] + ([f'{self._dispatch.overtaken} images were overtaken by a newer one with its mask']
+             if self._dispatch.overtaken else [])
 
     def _truth_elsewhere(self) -> list[str]:
         """Return a note if the ground truth covers none of the images."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The static part of the tree of frames, as /tf_static tells it, and a camera's place in it."""
+"""The tree of frames, as /tf_static and /tf have it, and a camera's place in it."""
 
 from __future__ import annotations
 
@@ -23,30 +23,28 @@ class TransformError(GipError):
 
 
 class StaticTransforms:
-    """Parent of each frame, and the frame's pose in it."""
+    """Parent of each frame, and the frame's pose in it, as last heard."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Floats]] = {}
+        self._faults: dict[str, str] = {}
 
     def take(self, transforms: Iterable[Any]) -> None:
         """
         Take geometry_msgs/TransformStamped messages.
 
-        Raises
-        ------
-        TransformError
-            One holds NaN or a quaternion that is not of unit length; the others are taken.
+        One that is none (NaN, no unit quaternion) is left out, as tf2 does; it is named where
+        frames are not connected, until a good one of the same frame comes.
 
         """
-        faults = []
         for message in transforms:
             parent, child = message.header.frame_id.lstrip('/'), message.child_frame_id.lstrip('/')
             try:
                 self._parents[child] = (parent, _matrix(message.transform))
             except TransformError as error:
-                faults.append(f'{parent} to {child}: {error}')
-        if faults:
-            raise TransformError('; '.join(faults))
+                self._faults[child] = f'{parent} to {child} was left out: {error}'
+            else:
+                self._faults.pop(child, None)
 
     def extrinsics(self, base: str, optical: str) -> Extrinsics:
         """
@@ -62,34 +60,46 @@ class StaticTransforms:
         Raises
         ------
         TransformError
-            The frames are not connected by static transforms.
+            The frames are not connected.
 
         """
-        pose = np.linalg.inv(self._from_root(base, optical)) @ self._from_root(optical, base)
+        shared, to_base, to_camera = self._branches(base.lstrip('/'), optical.lstrip('/'))
+        if shared is None:
+            raise TransformError(self._unconnected(base, optical))
+        pose = np.linalg.inv(self._along(to_base)) @ self._along(to_camera)
         R = pose[:3, :3] @ OPTICAL_FROM_BODY
         roll, pitch = math.atan2(R[2, 1], R[2, 2]), -math.asin(np.clip(R[2, 0], -1.0, 1.0))
         x, y, z = (float(value) for value in pose[:3, 3])
         return Extrinsics(x, y, z, roll, pitch, math.atan2(R[1, 0], R[0, 0]))
 
-    def _from_root(self, frame: str, other: str) -> Floats:
-        """Return the pose of a frame in the root of the tree that holds both."""
-        chain, matrix = [frame.lstrip('/')], np.eye(4)
-        while chain[-1] in self._parents and len(chain) < LONGEST_CHAIN:
-            parent, step = self._parents[chain[-1]]
-            chain.append(parent)
-            matrix = step @ matrix
-        if not set(chain) & set(self._chain(other)):
-            raise TransformError(
-                f'no static transform connects {frame!r} and {other!r}; '
-                f'known frames: {", ".join(sorted(self._parents)) or "none"}'
-            )
+    def _branches(self, first: str, second: str) -> tuple[str | None, list[str], list[str]]:
+        """Return the nearest frame above both (None: there is none), and the ways down to each."""
+        one, other = self._chain(first), self._chain(second)
+        shared = next((frame for frame in one if frame in other), None)
+        if shared is None:
+            return None, one, other
+        return shared, one[:one.index(shared)], other[:other.index(shared)]
+
+    def _along(self, frames: list[str]) -> Floats:
+        """Return the pose of the first frame in the parent of the last one."""
+        matrix = np.eye(4)
+        for frame in frames:
+            matrix = self._parents[frame][1] @ matrix
         return matrix
 
     def _chain(self, frame: str) -> list[str]:
-        chain = [frame.lstrip('/')]
+        """Return a frame, its parent and so on up to the root."""
+        chain = [frame]
         while chain[-1] in self._parents and len(chain) < LONGEST_CHAIN:
             chain.append(self._parents[chain[-1]][0])
         return chain
+
+    def _unconnected(self, base: str, optical: str) -> str:
+        known = ', '.join(sorted(self._parents)) or 'none'
+        return '; '.join([
+            f'no transform connects {base!r} and {optical!r}; known frames: {known}',
+            *self._faults.values(),
+        ])
 
 
 def _matrix(transform: Any) -> Floats:

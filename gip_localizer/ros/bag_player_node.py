@@ -14,7 +14,6 @@ from typing import Any
 from builtin_interfaces.msg import Time
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -26,6 +25,7 @@ from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.sources import BagMessage
 from gip_localizer.parameters.integration import BagPlayerParameters
 from gip_localizer.ros.conversions import time_of
+from gip_localizer.ros.endpoints import wait_for_delivery
 from gip_localizer.ros.middleware import image_environment
 from gip_localizer.ros.parameters import LiveParameters
 from gip_localizer.ros.running import run_node
@@ -139,8 +139,7 @@ class BagPlayerNode(Node):
             self._rewind()
             return
         self.get_logger().info('end of the bag')
-        for sender in self._senders.values():
-            sender.wait_for_all_acked(Duration(seconds=1.0))
+        wait_for_delivery(self._senders.values())
         rclpy.try_shutdown()
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:

@@ -4,10 +4,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 import copy
+import time
 from typing import Any, TypeVar
 
+from rclpy.duration import Duration
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -18,6 +20,10 @@ from rclpy.subscription import Subscription
 from gip_localizer.errors import ParameterError
 
 Made = TypeVar('Made')
+ACKNOWLEDGED = 1.0
+"""Longest time (s) that a reliable reader is waited for."""
+UNACKNOWLEDGED = 2.0
+"""Time (s) for best-effort readers: a busy machine gives each process its turn within it."""
 KINDS = ('publisher', 'subscription', 'service', 'timer')
 
 
@@ -64,6 +70,20 @@ def _overridable(topic: str, make: Callable[[QoSOverridingOptions], Made]) -> Ma
             f'parameters qos_overrides of the topic {topic}: {error}; expected history keep_last '
             'or keep_all, depth an integer, reliability best_effort or reliable'
         ) from None
+
+
+def wait_for_delivery(publishers: Iterable[Publisher]) -> None:
+    """
+    Wait until readers have what was published: a process that ends takes away what they have not.
+
+    Reliable readers acknowledge. A best-effort one does not, and reads from this process's shared
+    memory; one whose process was stopped until the writer had gone lost the last image in 2 of 6
+    runs, and in none where the writer stayed.
+
+    """
+    for publisher in publishers:
+        publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGED))
+    time.sleep(UNACKNOWLEDGED)
 
 
 class Endpoints:

@@ -12,7 +12,6 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
@@ -25,6 +24,7 @@ from gip_localizer.ros.conversions import (
     odometry_of,
     pose_stamped,
 )
+from gip_localizer.ros.endpoints import wait_for_delivery
 from gip_localizer.ros.middleware import image_environment
 from gip_localizer.ros.parameters import LiveParameters
 from gip_localizer.ros.running import run_node
@@ -165,8 +165,7 @@ class SyntheticCameraNode(Node):
 
     def _end(self) -> None:
         self.get_logger().info('end of the drive')
-        for publisher in (self._image, self._info, self._odom, self._truth):
-            publisher.wait_for_all_acked(Duration(seconds=1.0))
+        wait_for_delivery((self._image, self._info, self._odom, self._truth))
         rclpy.try_shutdown()
 
     def _now_ns(self) -> int:

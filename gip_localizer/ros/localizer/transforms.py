@@ -3,8 +3,8 @@
 """
 /tf and /tf_static, where their message is installed; the only module that knows of tf2.
 
-No more than the message is needed: what is static is looked up by `io.static_transforms`, and
-map to odom follows from a pose and the odometry at its stamp.
+No more than the message is needed: the camera is looked up by `session.camera_mount`, and map to
+odom follows from a pose and the odometry at its stamp.
 
 """
 
@@ -17,10 +17,8 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from gip_localizer.core.camera.model import Extrinsics
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import ParameterError
-from gip_localizer.io.static_transforms import StaticTransforms, TransformError
 from gip_localizer.ros.conversions import header_of, pose_of
 
 try:
@@ -79,71 +77,17 @@ class MapToOdom:
         self._publisher.publish(TFMessage(transforms=[message]))
 
 
-class CameraFromTf:
+def follow(node: Node, take: Callable[[Any], None]) -> None:
     """
-    Follows /tf_static, and tells when the camera's pose in the vehicle becomes known or changes.
+    Hear /tf_static and /tf: a camera may hang on a mount that moves.
 
-    Parameters
-    ----------
-    node : Node
-        Listens.
-    base : str
-        Frame of the vehicle.
-    found : callable
-        Told the extrinsics; raises ParameterError where no camera can be.
-    fault : callable
-        Told what is wrong; None when nothing is.
+    Raises
+    ------
+    ParameterError
+        tf2_msgs is not installed.
 
     """
-
-    def __init__(
-        self, node: Node, base: str, found: Callable[[Extrinsics], None],
-        fault: Callable[[str | None], None],
-    ) -> None:
-        require_transforms('camera.from_tf')
-        self._base, self._found, self._fault = base, found, fault
-        self._tree = StaticTransforms()
-        self._optical: str | None = None
-        self._known: Extrinsics | None = None
-        latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_subscription(TFMessage, '/tf_static', self._take, latched)
-        self._fault('no image or camera_info has named its frame yet')
-
-    @property
-    def known(self) -> bool:
-        """Whether the camera's pose is known."""
-        return self._known is not None
-
-    def seen_in(self, frame: str) -> None:
-        """Take the frame that an image or a camera_info names."""
-        if frame != self._optical:
-            self._optical = frame
-            self._known = None
-            self._look_up()
-
-    def _take(self, message: Any) -> None:
-        try:
-            self._tree.take(message.transforms)
-        except TransformError as error:
-            self._fault(f'/tf_static: {error}')
-            return
-        self._look_up()
-
-    def _look_up(self) -> None:
-        if self._optical is None:
-            return
-        try:
-            extrinsics = self._tree.extrinsics(self._base, self._optical)
-        except TransformError as error:
-            if self._known is None:
-                self._fault(str(error))
-            return
-        if extrinsics != self._known:
-            self._known = None
-            try:
-                self._found(extrinsics)
-            except ParameterError as error:
-                self._fault(f'{self._base!r} to {self._optical!r}: {error}')
-                return
-            self._known = extrinsics
-        self._fault(None)
+    require_transforms('camera.from_tf')
+    latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_subscription(TFMessage, '/tf_static', take, latched)
+    node.create_subscription(TFMessage, '/tf', take, QoSProfile(depth=100))

@@ -1,0 +1,230 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+One message in, estimates out: the run that the node and `gip replay` share.
+
+A message comes with its role, the name of the node's topic for it. Images come back as frames
+whose turn has come; every other message is taken in at once. The node localizes a frame when its
+worker is free, the replay at once: what happens to the frame is the same.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from gip_localizer.core.camera.model import Extrinsics
+from gip_localizer.core.estimate import Estimate, Status
+from gip_localizer.core.guard import fault_of, run_guarded
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.io.messages import stamp_ns
+from gip_localizer.parameters import Parameters
+from gip_localizer.session.camera_mount import CameraMount, placed
+from gip_localizer.session.frontend import Frontend
+from gip_localizer.session.mask_sync import Masked, MaskPairing
+from gip_localizer.session.pose_restore import StateKeeper
+
+IMAGE, MASK = 'image', 'mask'
+CAMERA_INFO, ODOMETRY, INITIAL_POSE = 'camera_info', 'odom', 'initialpose'
+
+
+@dataclass(frozen=True)
+class Frame:
+    """
+    An image whose turn has come.
+
+    Attributes
+    ----------
+    message : sensor_msgs/Image or sensor_msgs/CompressedImage
+        The image.
+    masked : Masked or None
+        The image with its mask; None where no mask is asked for.
+
+    """
+
+    message: Any
+    masked: Masked | None = None
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of the image, nanoseconds."""
+        return stamp_ns(self.message.header)
+
+
+class Dispatch:
+    """
+    Brings each message to the part of the localizer that it concerns.
+
+    Parameters
+    ----------
+    raster_map : RasterMap
+        The map.
+    parameters : Parameters
+        At the start; `configure` changes them.
+    log : callable
+        Takes the traceback of an unexpected exception.
+    compressed : bool
+        The images are sensor_msgs/CompressedImage.
+
+    Raises
+    ------
+    MapError
+        `mask_file` is named and cannot be read.
+
+    Attributes
+    ----------
+    frontend : Frontend
+        Decodes the messages and holds the localizer.
+    mount : CameraMount or None
+        Where TF has the camera, once `follow_transforms` was called.
+    first_complaints : dict
+        Role → why its first refused message was refused.
+
+    """
+
+    def __init__(
+        self, raster_map: RasterMap, parameters: Parameters, log: Callable[[str], object], *,
+        compressed: bool = False,
+    ) -> None:
+        self.frontend = Frontend(raster_map, parameters)
+        self.mount: CameraMount | None = None
+        self.first_complaints: dict[str, str] = {}
+        self._parameters = parameters
+        self._log = log
+        self._keeper: StateKeeper | None = None
+        decode = self.frontend.on_compressed_image if compressed else self.frontend.on_image
+        self._decode: Callable[[Any, Masked | None], Estimate] = decode
+        self._others: dict[str, Callable[[Any], None]] = {
+            CAMERA_INFO: self._take_camera_info, ODOMETRY: self.frontend.on_odometry,
+            INITIAL_POSE: self._take_initial_pose,
+        }
+        self._pairing: MaskPairing | None = None
+        if parameters.mask.from_topic:
+            self._pairing = MaskPairing(lambda: self.frontend.parameters.mask)
+
+    def keep_state(self, warn: Callable[[str], None]) -> None:
+        """Restore the pose of `state_file` and write it from now on; `warn` takes its faults."""
+        self._keeper = StateKeeper(self.frontend.localizer, warn)
+
+    def follow_transforms(self, report: Callable[[str], object]) -> CameraMount:
+        """Place the camera by TF from now on; `report` takes each new place."""
+        self.mount = CameraMount(self._parameters.frames.base, self._place_camera, report)
+        return self.mount
+
+    def configure(self, parameters: Parameters) -> None:
+        """Take new parameters from the next frame on; the camera stays where TF has it."""
+        self._parameters = parameters
+        known = None if self.mount is None else self.mount.known
+        self.frontend.configure(placed(parameters, known))
+
+    def relocalize(self) -> None:
+        """Search the whole map at the next frame; a restored pose is not used any more."""
+        self.frontend.relocalize()
+        self._forget_restored()
+
+    @property
+    def overtaken(self) -> int:
+        """Images that a newer one with its mask overtook."""
+        return 0 if self._pairing is None else self._pairing.dropped
+
+    def estimates(self, role: str, message: Any, now_ns: int) -> Iterator[tuple[Frame, Estimate]]:
+        """
+        Take a message and localize every frame whose turn has come with it.
+
+        Parameters
+        ----------
+        role : str
+            IMAGE, MASK, CAMERA_INFO, ODOMETRY or INITIAL_POSE.
+        message : Any
+            As rclpy or rosbags give it.
+        now_ns : int
+            Of a clock that never goes back: masks are waited for by it.
+
+        """
+        for frame in [*self.overdue(now_ns), *self.take(role, message, now_ns)]:
+            self.begin(frame)
+            yield frame, self.localize(frame)
+
+    def rest(self) -> Iterator[tuple[Frame, Estimate]]:
+        """Localize the images that still wait for a mask: none will come any more."""
+        for masked in self._pairing.flush() if self._pairing is not None else ():
+            frame = Frame(masked.image, masked)
+            self.begin(frame)
+            yield frame, self.localize(frame)
+
+    def take(self, role: str, message: Any, now_ns: int) -> list[Frame]:
+        """
+        Take a message; return the frames that it completes, none or one.
+
+        Only images and masks may come while a frame is localized in another thread.
+
+        """
+        if role == IMAGE:
+            if self._pairing is None:
+                return [Frame(message)]
+            return _frames(self._pairing.add_image(message, now_ns))
+        if role == MASK:
+            return _frames(self._pairing.add_mask(message)) if self._pairing is not None else []
+        if fault := fault_of(partial(self._others[role], message), self._log):
+            self.frontend.complaints[role] = fault
+        if role in self.frontend.complaints:
+            self.first_complaints.setdefault(role, self.frontend.complaints[role])
+        return []
+
+    def overdue(self, now_ns: int) -> list[Frame]:
+        """Return the images that have waited for their mask long enough, oldest first."""
+        waited = self._pairing.overdue(now_ns) if self._pairing is not None else []
+        return [Frame(masked.image, masked) for masked in waited]
+
+    def newest_overdue(self, now_ns: int) -> list[Frame]:
+        """Return the newest of them alone, for a caller that must keep up with the camera."""
+        frames = self.overdue(now_ns)
+        if self._pairing is not None:
+            self._pairing.dropped += max(len(frames) - 1, 0)
+        return frames[-1:]
+
+    def begin(self, frame: Frame) -> bool:
+        """Prepare for a frame; tell whether it is searched for on the whole map."""
+        if self._keeper is not None:
+            self._keeper.before(frame.stamp_ns)
+        if self.mount is not None:
+            self.mount.seen_in(str(frame.message.header.frame_id))
+        return self.frontend.localizer.searches(frame.stamp_ns)
+
+    def localize(self, frame: Frame) -> Estimate:
+        """Localize a frame after `begin`; an unexpected exception costs this frame alone."""
+        if self.mount is not None and self.mount.fault:
+            return Estimate(
+                frame.stamp_ns, Status.NO_CALIBRATION, f'camera.from_tf: {self.mount.fault}'
+            )
+        work = partial(self._decode, frame.message, frame.masked)
+        return run_guarded(work, frame.stamp_ns, self._log)
+
+    def end(self, estimate: Estimate) -> None:
+        """Keep the pose of a frame for a restart."""
+        if self._keeper is not None:
+            self._keeper.after(estimate)
+
+    def _take_camera_info(self, message: Any) -> None:
+        if self.mount is not None:
+            self.mount.seen_in(str(message.header.frame_id))
+        self.frontend.on_camera_info(message)
+
+    def _take_initial_pose(self, message: Any) -> None:
+        self.frontend.on_initial_pose(message)
+        if INITIAL_POSE not in self.frontend.complaints:
+            self._forget_restored()
+
+    def _forget_restored(self) -> None:
+        if self._keeper is not None:
+            self._keeper.forget()
+
+    def _place_camera(self, extrinsics: Extrinsics) -> None:
+        self.frontend.configure(placed(self._parameters, extrinsics))
+
+
+def _frames(masked: Masked | None) -> list[Frame]:
+    return [] if masked is None else [Frame(masked.image, masked)]
