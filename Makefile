@@ -4,12 +4,18 @@ VENV ?= .venv
 # A bag is a folder as `gip simulate` writes it, with its map.yaml and params.yaml.
 BAG ?= $(patsubst %/metadata.yaml,%,$(firstword $(wildcard bags/*/metadata.yaml)))
 GIP = $(VENV)/bin/gip
+# How many processes test, logical: one per core; an idle one takes tests over from a busy one.
+WORKERS ?= logical
+PYTEST = $(VENV)/bin/python -m pytest --numprocesses $(WORKERS) --dist worksteal
+# Tests of what has a compiled loop and a way without it.
+LOOPS = kernel_compiled kernel_correlation kernel_pyramid kernel_support matching refinement levels \
+  birdseye footprints known_poses
 READY = $(VENV)/.ready
 # Results of `make` verbs are replaced by the next run; a folder of your own is not.
 RESULTS = --out $(or $(OUT),results/$@) $(if $(OUT),,--force)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo replay evaluate bench paper params figures test lint type pytest fuzz soak clean
+.PHONY: help setup demo replay evaluate bench paper params figures test lint type pytest numpy fuzz soak clean
 
 help: ## list the verbs
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
@@ -53,7 +59,8 @@ params: $(READY) ## write config/*.yaml, docs/parameters.md and docs/diagnostics
 figures: $(READY) ## draw the README's picture again
 	@$(VENV)/bin/python -m gip_localizer.visualization.overview_figure bags/demo docs/figures/overview.png
 
-test: lint type pytest ## everything that must hold
+test: lint ## everything that must hold; mypy runs meanwhile
+	@$(MAKE) --no-print-directory --jobs=2 type pytest
 
 lint: $(READY) ## ruff
 	@$(VENV)/bin/ruff check .
@@ -61,8 +68,11 @@ lint: $(READY) ## ruff
 type: $(READY) ## mypy
 	@$(VENV)/bin/mypy
 
-pytest: $(READY) ## the tests alone
-	@$(VENV)/bin/python -m pytest
+pytest: $(READY) ## the tests alone, in parallel (WORKERS=)
+	@$(PYTEST) --durations=15
+
+numpy: $(READY) ## the core's tests without the compiled loops
+	@GIP_COMPILED=0 $(PYTEST) $(LOOPS:%=test/test_%.py)
 
 fuzz: $(READY) ## mutated messages and files of every kind (MANY= of each, 10000; over an hour)
 	@GIP_FUZZ=$(or $(MANY),10000) $(VENV)/bin/python -m pytest --durations=0 test/test_fuzz_messages.py test/test_fuzz_files.py

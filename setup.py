@@ -66,6 +66,7 @@ setup(
         ],
         'test': [
             'pytest',
+            'pytest-xdist',
             'hypothesis',
             'psutil',
             'ruff',

@@ -4,10 +4,15 @@
 
 from __future__ import annotations
 
-from drive_samples import drive  # noqa: F401 - a fixture
-from hypothesis import HealthCheck, settings
-import pytest
-from road_samples import Road
+from gip_localizer.core.threads import use_one_library_thread
+
+# Before NumPy and OpenCV are loaded: as in the node, and parallel workers need the cores.
+use_one_library_thread()
+
+from drive_samples import drive  # noqa: E402, F401 - a fixture
+from hypothesis import HealthCheck, settings  # noqa: E402
+import pytest  # noqa: E402
+from road_samples import Road  # noqa: E402
 
 # Rendering and precomputing take as long as they take on a loaded machine.
 settings.register_profile(

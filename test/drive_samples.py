@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
 from pathlib import Path
 
 from bag_samples import write_mcap
@@ -21,9 +23,15 @@ Recorded = list[tuple[str, str, int, bytes]]
 
 @pytest.fixture(scope='session')
 def drive(tmp_path_factory) -> Path:
-    """A folder of `gip simulate`: 2.5 s at 10 Hz, raw images."""
-    out = tmp_path_factory.mktemp('drive') / 'drive'
-    assert main(['simulate', '--seconds', '2.5', '--out', str(out), *SMALL]) == 0
+    """A folder of `gip simulate`: 2.5 s at 10 Hz, raw images; parallel workers make it once."""
+    shared = tmp_path_factory.getbasetemp()
+    if 'PYTEST_XDIST_WORKER' in os.environ:
+        shared = shared.parent
+    out = shared / 'drive'
+    with (shared / 'drive.lock').open('a') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not out.exists():
+            assert main(['simulate', '--seconds', '2.5', '--out', str(out), *SMALL]) == 0
     return out
 
 

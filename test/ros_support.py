@@ -7,10 +7,12 @@ from __future__ import annotations
 import os
 import time
 
-# Before rclpy starts: a graph that no other test, and no other machine, sees.
-GRAPH = {
-    'ROS_DOMAIN_ID': str(os.getpid() % 100 + 1), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-}
+from ros_domain import own_domain
+
+from gip_localizer.ros.middleware import private_graph
+
+# Before rclpy starts: a graph that no other test process, and no other machine, sees.
+GRAPH = private_graph(own_domain())
 os.environ.update(GRAPH)
 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
@@ -25,7 +27,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
 from sensor_msgs.msg import CameraInfo, Image  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
-PATIENCE = 60.0  # s: a busy machine takes its time
+PATIENCE = 180.0  # s: a busy machine takes its time
 SETTLING = 0.2  # s: a server that does not know of its client yet drops the answer
 ANSWER = 15.0  # s: after it an answer counts as lost, and the question is put again
 

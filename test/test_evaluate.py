@@ -46,6 +46,17 @@ def bench():
     return Bench(TILES, 3, {})
 
 
+@pytest.fixture
+def small_scenes(monkeypatch):
+    """Every condition with a sixteenth of the camera's pixels, over a world quick to make."""
+    small = {'world.resolution': 0.05, 'world.join': 1, 'lens.width': 320, 'lens.height': 180,
+             'lens.focal': 225.0}
+    for condition in CONDITIONS:
+        if condition is not TILES:  # small as it is
+            for name, value in small.items():
+                monkeypatch.setitem(condition.camera, name, value)
+
+
 def published(ahead, sigma=0.01):
     error = np.array([ahead, 0.0, 0.0])
     covariance = np.diag([sigma**2, sigma**2, 1e-6])
@@ -188,6 +199,7 @@ def test_a_start_near_the_truth_is_found_and_one_elsewhere_is_not_believed(bench
     assert not any(trial.wrong for trial in away)
 
 
+@pytest.mark.usefixtures('small_scenes')
 def test_the_command_writes_what_it_found_and_fails_on_a_missed_bound(tmp_path, capsys):
     out = tmp_path / 'evaluation'
     words = ['evaluate', '--suite', 'conditions', '--frames', '1', '--jobs', '1',
@@ -208,6 +220,7 @@ def test_the_command_writes_what_it_found_and_fails_on_a_missed_bound(tmp_path, 
     assert 'not empty' in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures('small_scenes')
 def test_a_trial_that_raises_is_told_and_the_others_count(tmp_path, capsys, monkeypatch):
     update, calls = Localizer.update, iter(range(100))
 

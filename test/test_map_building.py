@@ -9,7 +9,7 @@ from pathlib import Path
 import re
 
 import cv2
-from drive_samples import recorded, rewritten, SMALL
+from drive_samples import recorded, rewritten, ROUGH, SMALL
 import numpy as np
 import pytest
 
@@ -171,7 +171,7 @@ def test_a_vehicle_that_stands_adds_nothing(drive, tmp_path, capsys):
 def test_a_compressed_turned_drive_through_a_mask(tmp_path, capsys):
     folder = tmp_path / 'drive'
     assert main(['simulate', '--scenario', 'distorted', '--transport', 'jpeg', '--seconds', '1',
-                 '--out', str(folder), *SMALL]) == 0
+                 '--out', str(folder), *SMALL, *ROUGH]) == 0
     mask = np.full((360, 640), 255, np.uint8)
     mask[:, :320] = 0
     cv2.imwrite(str(tmp_path / 'mask.png'), mask)

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
-from ros_support import GRAPH, Tester
+from ros_support import GRAPH, PATIENCE, Tester
 from rosgraph_msgs.msg import Clock
 
 from gip_localizer.core.pose import Pose2
@@ -68,7 +68,7 @@ def test_every_message_comes_in_order_and_in_the_time_of_the_bag(tester, nodes, 
     assert planar_pose(tester.poses[3].pose) == pytest.approx((3.0, -1.0, 0.5))
     # A bag of one second cannot have been played in half of it, however busy the machine.
     assert elapsed > 0.5
-    assert process.wait(20) == 0
+    assert process.wait(PATIENCE) == 0
     times = [clock.clock.sec * SECOND + clock.clock.nanosec for clock in clocks]
     assert times == sorted(times)
     assert times[0] >= START
@@ -79,7 +79,7 @@ def test_start_rate_and_topics_are_obeyed(tester, nodes, bag):
     process, _ = play(tester, nodes, bag, start=0.5, rate=4.0, topics='/pose')
     tester.until(lambda: len(tester.poses) == 3, 'the later half')
     assert [stamp_ns(message.header) for message in tester.poses] == STAMPS[3:]
-    assert process.wait(20) == 0
+    assert process.wait(PATIENCE) == 0
 
 
 @pytest.mark.parametrize(('settings', 'words'), [
@@ -90,7 +90,7 @@ def test_start_rate_and_topics_are_obeyed(tester, nodes, bag):
 ])  # fmt: skip
 def test_what_cannot_be_played_is_told_in_one_line(nodes, bag, tmp_path, settings, words):
     process = nodes.start('bag_player', {'bag': str(bag), **settings})
-    assert process.wait(30) == 1
+    assert process.wait(PATIENCE) == 1
     said = (tmp_path / 'bag_player.log').read_text()
     assert words in said
     assert 'Traceback' not in said

@@ -27,6 +27,7 @@ from ros_scene import (
     START,
     WORLD,
 )  # fmt: skip
+from ros_support import PATIENCE
 from sensor_msgs.msg import Image
 from std_msgs.msg import Float64
 
@@ -59,24 +60,24 @@ def test_an_initial_pose_from_outside_moves_the_search(tester, localizer, render
     assert_near(localized(tester, frames(render(elsewhere)), localizer), elsewhere)
 
 
-@pytest.mark.parametrize(('name', 'value', 'reason'), [
+REFUSED = (
     ('search.x', -1.0, 'search.x'),
     ('search.x', 'wide', 'search.x'),
     ('score.metric', 'manhattan', 'gip_normalized'),
     ('birdseye.near', 50.0, 'birdseye.far'),
     ('map_file', '/other.yaml', 'map_file'),
-])  # fmt: skip
-def test_bad_parameters_are_refused_with_a_reason_and_the_old_stay(
-    tester, localizer, name, value, reason
-):
-    before = tester.get(name)
-    result = tester.set(name, value)
-    assert not result.successful
-    assert reason in result.reason or 'range' in result.reason or 'type' in result.reason.lower() \
-        or 'read-only' in result.reason
-    assert result.reason
-    assert tester.get(name) == before
-    assert localizer.poll() is None
+)
+
+
+def test_bad_parameters_are_refused_with_a_reason_and_the_old_stay(tester, localizer):
+    for name, value, reason in REFUSED:
+        before = tester.get(name)
+        result = tester.set(name, value)
+        assert not result.successful, name
+        assert any(word in result.reason.lower() for word in (reason, 'range', 'type',
+                                                              'read-only')), (name, result.reason)
+        assert tester.get(name) == before
+        assert localizer.poll() is None
 
 
 def test_a_parameter_set_from_outside_changes_the_match(tester, localizer, render):
@@ -219,7 +220,7 @@ def test_bad_parameters_at_start_end_with_one_clear_line(
     nodes, map_file, tmp_path, changes, words
 ):
     process = nodes.start('localizer', parameters(map_file, changes))
-    assert process.wait(timeout=30) == 1
+    assert process.wait(PATIENCE) == 1
     said = (tmp_path / 'localizer.log').read_text()
     assert 'Traceback' not in said
     assert all(word in said for word in words), said

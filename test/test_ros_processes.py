@@ -17,7 +17,7 @@ pytest.importorskip('rclpy')
 import numpy as np
 from ros_scene import *  # noqa: F403 - fixtures and the world
 from ros_scene import camera_info, frames, initial_pose, parameters, START, WORLD
-from ros_support import GRAPH
+from ros_support import GRAPH, PATIENCE
 from std_msgs.msg import Float64
 
 from gip_localizer.cli.parameter_pages import tree_of
@@ -28,7 +28,6 @@ from gip_localizer.ros.processes import NodeProcesses
 
 pytestmark = pytest.mark.ros
 
-PATIENCE = 20.0
 PARENT = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)

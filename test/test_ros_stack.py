@@ -34,6 +34,7 @@ from ros_scene import (
     send,
     START,
 )  # fmt: skip
+from ros_support import PATIENCE
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 
@@ -173,7 +174,7 @@ def test_a_dump_of_the_node_is_a_parameter_file_of_the_desk_tool(tester, localiz
 def test_a_wrong_quality_of_service_ends_the_start_with_one_line(nodes, map_file, tmp_path):
     override = 'qos_overrides./image.subscription.reliability'
     process = nodes.start('localizer', parameters(map_file, {override: 'perfect'}))
-    assert process.wait(timeout=30) == 1
+    assert process.wait(PATIENCE) == 1
     said = (tmp_path / 'localizer.log').read_text()
     assert 'Traceback' not in said
     assert 'perfect' in said
@@ -190,7 +191,7 @@ def test_without_tf_the_parameters_say_so(nodes, map_file, tmp_path, parameter):
     else:
         pytest.skip('tf2_msgs is installed')
     process = nodes.start('localizer', parameters(map_file, {parameter: True}))
-    assert process.wait(timeout=30) == 1
+    assert process.wait(PATIENCE) == 1
     said = (tmp_path / 'localizer.log').read_text()
     assert 'Traceback' not in said
     assert f'parameter {parameter}' in said
