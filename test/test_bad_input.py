@@ -44,6 +44,7 @@ class Run:
         self.frontend.on_initial_pose(initial_pose(drive[0][0], COVARIANCE))
         self.road, self.drive = road, drive
         self.estimates, self.warnings, self.complaints = [], set(), []
+        self.contradicted_at = None
 
     def go(self, bend=None, show=None):
         """Drive; `bend` makes the messages of one true reading of odometry."""
@@ -58,6 +59,8 @@ class Run:
         estimate = self.frontend.on_image(image_message(pixels, 'mono8', stamp_ns=stamp))
         self.estimates.append(estimate)
         self.warnings |= set(self.frontend.warnings)
+        if 'ODOMETRY_CONTRADICTED' in self.warnings and self.contradicted_at is None:
+            self.contradicted_at = len(self.estimates) - 1
         return estimate
 
     def _odometry(self, bend, stamp, turn):
@@ -91,7 +94,7 @@ def placed(message, x, forward=None):
     return message
 
 
-def track_state(message, pose=None):
+def at_rest(message, pose=None):
     message.pose.pose = make_pose(pose or Pose2(0.0, 0.0, 0.0))
     message.twist.twist.linear.x = 0.0
     return message
@@ -120,7 +123,7 @@ def test_good_odometry_and_a_good_camera_raise_no_doubt(run):
 def test_odometry_that_freezes_is_contradicted(run, reset):
     last = pose_at(run.road, 0).inverse() @ pose_at(run.road, 8)
     frozen = Pose2(last.x, last.y, last.yaw + 2.0 * reset)
-    run.go(lambda message, turn: [message if turn < 8 else track_state(message, frozen)])
+    run.go(lambda message, turn: [message if turn < 8 else at_rest(message, frozen)])
     run.assert_right()
     assert 'ODOMETRY_CONTRADICTED' in run.warnings
     assert run.frontend.localizer.state.pose_filter.prediction_source == 'constant velocity'
@@ -132,19 +135,51 @@ def test_odometry_that_stands_at_zero_all_the_time_is_contradicted(road, drive):
     slow += [(pose := road.pose(0.1 + step * n), road.frame(CAMERA, pose, seed=n))
              for n in range(1, FRAMES)]
     slow[1] = (slow[1][0], road.frame(CAMERA, slow[1][0], seed=99))
-    run = Run(road, slow).go(lambda message, turn: [track_state(message)])
+    run = Run(road, slow).go(lambda message, turn: [at_rest(message)])
     run.assert_right()
     assert 'ODOMETRY_CONTRADICTED' in run.warnings
 
 
-def test_odometry_that_is_right_again_is_trusted_again(road, drive):
-    still = drive[8]
-    pictures = [road.frame(CAMERA, still[0], seed=100 + n) for n in range(36)]
-    run = Run(road, drive[:8] + [(still[0], picture) for picture in pictures])
-    run.go(lambda message, turn: [message if turn < 3 else track_state(message)])
+BENT = {
+    'zero': lambda moved: Pose2(0.0, 0.0, 0.0),
+    'a tenth': lambda moved: Pose2(0.1 * moved.x, 0.1 * moved.y, moved.yaw),
+    'double': lambda moved: Pose2(2.0 * moved.x, 2.0 * moved.y, moved.yaw),
+    'backward': lambda moved: Pose2(-moved.x, moved.y, -moved.yaw),
+    'yaw only': lambda moved: Pose2(0.0, 0.0, moved.yaw),
+}
+
+
+@pytest.mark.parametrize('every', [1, 2])  # 5 and 10 m/s
+@pytest.mark.parametrize('kind', BENT)
+def test_wrong_odometry_changes_no_pose_of_a_vehicle_that_drives_from_the_start(
+    road, drive, kind, every
+):
+    start = pose_at(road, 0)
+
+    def bent(message, turn):
+        told = BENT[kind](start.inverse() @ pose_at(road, every * turn))
+        message.pose.pose = make_pose(told)
+        return [message]
+
+    without = Run(road, drive[::every]).go()
+    run = Run(road, drive[::every]).go(bent)
+    for estimate, other in zip(run.estimates, without.estimates, strict=True):
+        assert estimate.published == other.published
+        apart = difference(estimate.pose, other.pose)
+        assert math.hypot(apart[0], apart[1]) < 0.002
     assert 'ODOMETRY_CONTRADICTED' in run.warnings
+    assert run.contradicted_at == 2  # the second fix shows the motion; the warning comes next
+
+
+def test_odometry_that_is_right_again_is_believed_once_it_agrees(road, drive):
+    run = Run(road, drive).go(lambda message, turn: [message if turn < 3 else at_rest(message)])
+    assert 'ODOMETRY_CONTRADICTED' in run.frontend.warnings
+    check = run.frontend.localizer.state.pose_filter.odometry_check
+    driven = Pose2(SPEED, 0.0, 0.0)
+    for _ in range(3):
+        check.compare(driven, driven, sigma_xy=0.01, sigma_yaw=0.001, elapsed=1.0)
+    run.see(EPOCH + FRAMES * 100 * MS, drive[-1][1])
     assert 'ODOMETRY_CONTRADICTED' not in run.frontend.warnings
-    assert run.frontend.localizer.state.pose_filter.prediction_source == 'odometry'
 
 
 @pytest.mark.parametrize('ns', [DAYS_66, -DAYS_66])
@@ -210,7 +245,7 @@ def test_a_frozen_camera_is_noticed_by_the_velocity_alone_and_thawed_by_new_pixe
 
 
 def test_the_same_pixels_while_the_vehicle_stands_are_told_and_localized(run):
-    run.go(lambda message, turn: [track_state(message)], show=lambda n: run.drive[0][1])
+    run.go(lambda message, turn: [at_rest(message)], show=lambda n: run.drive[0][1])
     assert all(estimate.published for estimate in run.estimates)
     assert run.warnings == {'REPEATED_IMAGES'}
 

@@ -30,6 +30,14 @@ def pose_filter(**motion: float) -> PoseFilter:
     return made
 
 
+def believing(made: PoseFilter) -> PoseFilter:
+    """Return the filter after its odometry has agreed with fixes."""
+    driven = Pose2(5.0, 0.0, 0.0)
+    made.odometry_check.compare(driven, driven, sigma_xy=0.01, sigma_yaw=0.001, elapsed=1.0)
+    assert made.odometry_check.believed
+    return made
+
+
 def assert_covariance(matrix: np.ndarray) -> None:
     np.testing.assert_array_equal(matrix, matrix.T)
     assert np.linalg.eigvalsh(matrix)[0] > 0.0
@@ -39,8 +47,8 @@ def test_without_a_belief_there_is_no_prediction():
     assert PoseFilter(Motion()).predict(100) is None
 
 
-def test_odometry_carries_the_belief():
-    t = pose_filter()
+def test_odometry_that_has_agreed_with_fixes_carries_the_belief():
+    t = believing(pose_filter())
     for i in range(11):
         assert t.odometry.add(OdometrySample(i * 20 * MS, Pose2(7.0 + 0.1 * i, 3.0, 0.0)))
     prior = t.predict(200 * MS)
@@ -51,9 +59,9 @@ def test_odometry_carries_the_belief():
 
 
 def test_uncertainty_grows_and_swings_with_the_heading():
-    t = pose_filter(
+    t = believing(pose_filter(
         sigma_xy_per_m=0.0, sigma_yaw_per_m=0.0, sigma_xy_per_s=0.0, sigma_yaw_per_s=0.0
-    )
+    ))
     t.reset(Belief(0, Pose2(0.0, 0.0, 0.0), SMALL))
     for i in range(26):
         assert t.odometry.add(OdometrySample(i * 20 * MS, Pose2(0.4 * i, 0.0, 0.0)))
@@ -129,7 +137,7 @@ def test_a_miss_carries_the_prediction_and_its_doubt_on():
 
 def blind(rate, seconds, told=False):
     """Return the prior after so many seconds of misses at 5 m/s, with odometry or without."""
-    t = pose_filter(sigma_xy_per_m=0.02, sigma_xy_per_s=0.05)
+    t = believing(pose_filter(sigma_xy_per_m=0.02, sigma_xy_per_s=0.05))
     for i in range(round(50 * seconds) + 1) if told else ():
         assert t.odometry.add(OdometrySample(i * 20 * MS, Pose2(0.1 * i, 0.0, 0.0)))
     for i in range(1, round(rate * seconds) + 1):
@@ -170,6 +178,66 @@ def test_odometry_that_stands_still_is_not_trusted_again_at_a_walk(speed):
     first = rejected.index(True)
     assert first < 80
     assert all(rejected[first:])
+
+
+BENT = {
+    'zero': lambda x: 0.0, 'a tenth': lambda x: 0.1 * x, 'double': lambda x: 2.0 * x,
+    'backward': lambda x: -x, 'frozen later': lambda x: min(x, 7.5),
+}
+
+
+@pytest.mark.parametrize('kind', [*BENT, 'right'])
+def test_odometry_is_believed_once_it_has_agreed_and_contradicted_at_once(kind):
+    t, sources, rejected = pose_filter(), [], []
+    for i in range(25):
+        told = BENT.get(kind, float)(0.5 * i)
+        assert t.odometry.add(OdometrySample(i * 100 * MS, Pose2(told, 0.0, 0.0)))
+        prior = t.predict(i * 100 * MS)
+        sources.append(t.prediction_source)
+        t.correct(prior, Belief(i * 100 * MS, Pose2(0.5 * i, 0.0, 0.0), SMALL), fuse=True)
+        rejected.append(t.odometry_check.rejected)
+    first = sources.index('odometry') if 'odometry' in sources else None
+    if kind == 'right':
+        assert first == 11
+        assert not any(rejected)
+        return
+    assert first == (11 if kind == 'frozen later' else None)
+    assert rejected.index(True) == (17 if kind == 'frozen later' else 1)  # it froze at 15
+    assert all(rejected[rejected.index(True):])
+
+
+def test_a_vehicle_that_stands_proves_no_odometry():
+    t = pose_filter()
+    for i in range(40):
+        assert t.odometry.add(OdometrySample(i * 100 * MS, Pose2(0.0, 0.0, 0.0)))
+        stamp = i * 100 * MS
+        t.correct(t.predict(stamp), Belief(stamp, Pose2(1.0, 2.0, 0.5), SMALL), fuse=True)
+    assert not t.odometry_check.believed
+    assert not t.odometry_check.rejected
+
+
+def test_rejected_odometry_is_believed_again_after_three_agreements():
+    t, believed = pose_filter(), []
+    for i in range(60):
+        told = 0.0 if i < 5 else 0.5 * (i - 5)
+        assert t.odometry.add(OdometrySample(i * 100 * MS, Pose2(told, 0.0, 0.0)))
+        stamp = i * 100 * MS
+        t.correct(t.predict(stamp), Belief(stamp, Pose2(0.5 * i, 0.0, 0.0), SMALL), fuse=True)
+        believed.append(t.odometry_check.believed)
+    assert 5 + 30 <= believed.index(True) <= 5 + 32
+    assert not t.odometry_check.rejected
+
+
+def test_odometry_that_no_fix_has_confirmed_is_one_more_place_to_look_at():
+    t = pose_filter()
+    for i in range(11):
+        assert t.odometry.add(OdometrySample(i * 100 * MS, Pose2(0.5 * i, 0.0, 0.0)))
+        t.miss(t.predict(i * 100 * MS))
+    assert t.belief.pose == pytest.approx((1.0, 2.0, 0.5))
+    unproven = t.predict_unproven(1000 * MS)
+    assert unproven.pose == pytest.approx(tuple(Pose2(1.0, 2.0, 0.5) @ Pose2(5.0, 0.0, 0.0)))
+    assert np.linalg.eigvalsh(unproven.covariance - t.belief.covariance * 0.99)[0] > 0.0
+    assert believing(t).predict_unproven(1000 * MS) is None
 
 
 def test_a_place_is_followed_as_far_as_a_vehicle_can_go():

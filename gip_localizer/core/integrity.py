@@ -44,12 +44,29 @@ MOST_COMPETITOR = 0.73  # likeness of a match at another place from which neithe
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """Status, the reason in words, the refined match, and the figures by name."""
+    """
+    Outcome of judging one search.
+
+    Attributes
+    ----------
+    status : Status
+        TRACKING, or why the match is not believed.
+    reason : str
+        The same in one sentence with numbers.
+    fit : Fit or None
+        The refined match.
+    quality : dict
+        The figures by name.
+    expected : bool
+        The match lies where a tight prior that earlier fixes support expects it.
+
+    """
 
     status: Status
     reason: str
     fit: Fit | None = None
     quality: dict[str, float] = field(default_factory=dict)
+    expected: bool = False
 
 
 def confidence(margin: float, lattice_correlation: float, cells: float) -> float:
@@ -131,7 +148,7 @@ def judge(
         quality['confidence'] = 0.0
         return Verdict(Status.NO_MATCH, oddity, fit, quality)
     status, reason = _decide(quality, fit, cells, parameters, expected=expected)
-    return Verdict(status, reason, fit, quality)
+    return Verdict(status, reason, fit, quality, expected=expected)
 
 
 def _agrees(fit: Fit, prior: Belief) -> bool:

@@ -221,10 +221,15 @@ class Localizer:
         if supporting is not None:
             near = search.near(supporting)
             verdict = judged(near)
-            if verdict.status is Status.TRACKING:
+            if verdict.status is Status.TRACKING and verdict.expected:
                 return near, verdict
         found = search.about(prior, fresh=self.state.from_initialpose)
-        return found, judged(found)
+        verdict = judged(found)
+        unproven = self.state.pose_filter.predict_unproven(stamp_ns)
+        if verdict.status is not Status.TRACKING and unproven is not None:
+            found = search.about(unproven, fresh=True)
+            verdict = judged(found)
+        return found, verdict
 
     @cached_property
     def _map_contrast(self) -> float:

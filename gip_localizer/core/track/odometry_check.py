@@ -1,10 +1,12 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether odometry is to be believed: the motion that it tells against that between fixes.
+Whether odometry is believed: its motion compared with the motion between fixes.
 
-Odometry that stands at zero, is of another vehicle or in other units is well-formed, and only the
-matches show that it is wrong. While it is rejected the velocity of the fixes is held instead.
+Odometry that stays at zero, is of another vehicle or in other units is well-formed, and only the
+matches show that it is wrong. It is therefore believed once it has agreed with fixes over a motion
+that would have shown an error, and rejected at the first contradiction. Until it is believed the
+velocity of the fixes is held instead.
 
 """
 
@@ -18,10 +20,11 @@ from gip_localizer.core.pose import Pose2, wrap_angle
 SLACK_XY, SLACK_YAW = 0.1, 0.02
 """Metres and radians by which two motions may differ besides their uncertainty."""
 SIGMAS = 3.0
+"""Standard deviations of their difference by which two motions may differ."""
 SPAN_S = 1.0
 """Seconds over which motions are compared, so that a slow error shows too."""
-TURNS = 3
-"""Comparisons in a row that change the mind."""
+AGREEMENTS_AGAIN = 3
+"""Consecutive agreements before rejected odometry is believed again."""
 MAX_ACCELERATION, MAX_TURN_ACCELERATION = 20.0, 10.0
 """Of a road vehicle, m/s² and rad/s², with a margin: a faster change of motion is a fault."""
 
@@ -33,22 +36,25 @@ class OdometryCheck:
 
     Attributes
     ----------
-    rejected : bool
-        Odometry is not to be used.
+    believed : bool
+        Odometry has agreed with fixes, and nothing has contradicted it since.
     detail : str
-        What the last contradiction was; empty while there is none.
+        The last contradiction; empty while there is none.
 
     """
 
-    rejected: bool = False
+    believed: bool = False
     detail: str = ''
-    _against: int = 0
-    _for: int = 0
-    _overruled: bool = False
+    _agreements: int = 0
+
+    @property
+    def rejected(self) -> bool:
+        """Whether odometry has contradicted fixes, and has not agreed with them since."""
+        return bool(self.detail)
 
     def usable(self, told: Pose2, held: Pose2 | None, elapsed: float) -> bool:
         """
-        Tell whether a motion by odometry may carry the belief.
+        Whether a motion by odometry may move the belief.
 
         Parameters
         ----------
@@ -60,21 +66,17 @@ class OdometryCheck:
             Seconds that both took.
 
         """
-        self._overruled = False
-        if held is None:
-            return True  # nothing better is known
-        if self.rejected:
-            return False
+        if not self.believed or held is None:
+            return self.believed
         apart = math.hypot(told.x - held.x, told.y - held.y)
         turned = abs(wrap_angle(told.yaw - held.yaw))
-        self._overruled = not self._against and (
-            apart > SLACK_XY + MAX_ACCELERATION * elapsed**2
-            or turned > SLACK_YAW + MAX_TURN_ACCELERATION * elapsed**2
+        return (
+            apart <= SLACK_XY + MAX_ACCELERATION * elapsed**2
+            and turned <= SLACK_YAW + MAX_TURN_ACCELERATION * elapsed**2
         )
-        return not self._overruled
 
     def compare(
-        self, told: Pose2, seen: Pose2, sigma_xy: float, sigma_yaw: float, elapsed: float
+        self, told: Pose2, seen: Pose2, *, sigma_xy: float, sigma_yaw: float, elapsed: float
     ) -> bool:
         """
         Learn from the motion between two fixes.
@@ -96,28 +98,24 @@ class OdometryCheck:
         """
         apart = math.hypot(told.x - seen.x, told.y - seen.y)
         turned = abs(wrap_angle(told.yaw - seen.yaw))
-        if apart > SLACK_XY + SIGMAS * sigma_xy or turned > SLACK_YAW + SIGMAS * sigma_yaw:
-            self._contradicted(
-                f'odometry tells a motion of ({told.x:.2f} m, {told.y:.2f} m, {told.yaw:.3f} rad) '
-                f'in {elapsed:.2f} s, the matches ({seen.x:.2f} m, {seen.y:.2f} m, '
-                f'{seen.yaw:.3f} rad)'
+        most = SLACK_XY + SIGMAS * sigma_xy
+        if apart > most or turned > SLACK_YAW + SIGMAS * sigma_yaw:
+            self.believed = False
+            self._agreements = 0
+            self.detail = (
+                f'odometry reports a motion of ({told.x:.2f} m, {told.y:.2f} m, '
+                f'{told.yaw:.3f} rad) in {elapsed:.2f} s, the matches ({seen.x:.2f} m, '
+                f'{seen.y:.2f} m, {seen.yaw:.3f} rad)'
             )
             return True
-        if elapsed >= SPAN_S:
+        if elapsed < SPAN_S:
+            return False
+        if math.hypot(seen.x, seen.y) > most:  # odometry at zero would have contradicted
             self._agreed()
-            return True
-        return False
-
-    def _contradicted(self, detail: str) -> None:
-        self.detail = detail
-        self._for = 0
-        self._against += 1
-        if self._overruled or self._against >= TURNS:
-            self.rejected = True
+        return True
 
     def _agreed(self) -> None:
-        self._against = 0
-        self._for += 1
-        if not self.rejected or self._for >= TURNS:
-            self.rejected = False
+        self._agreements += 1
+        if not self.rejected or self._agreements >= AGREEMENTS_AGAIN:
+            self.believed = True
             self.detail = ''

@@ -49,6 +49,8 @@ class FilterState:
         Of the last fixes, per second, base axes.
     last_fix, compared_since : Belief or None
         The last fix, and the one since which odometry is compared with the fixes.
+    origin : Belief or None
+        What `belief` was predicted from: the last fix, or the belief given from outside.
 
     """
 
@@ -56,6 +58,7 @@ class FilterState:
     velocity: Pose2 | None = None
     last_fix: Belief | None = None
     compared_since: Belief | None = None
+    origin: Belief | None = None
 
 
 
@@ -94,9 +97,11 @@ class PoseFilter:
         """The last fix, or a prediction since."""
         return self.known.belief
 
-    @belief.setter
-    def belief(self, belief: Belief) -> None:
-        self.known = replace(self.known, belief=belief)
+    def restamp(self, stamp_ns: int) -> None:
+        """Let the belief hold at another stamp."""
+        if self.belief is not None:
+            belief = replace(self.belief, stamp_ns=stamp_ns)
+            self.known = replace(self.known, belief=belief, origin=belief)
 
     def configure(self, motion: Motion) -> None:
         """Change the noise of the motion."""
@@ -105,7 +110,7 @@ class PoseFilter:
 
     def reset(self, belief: Belief | None) -> None:
         """Start again from a belief, or from none."""
-        self.known = FilterState(belief)
+        self.known = FilterState(belief, origin=belief)
         if belief is None:
             self.odometry_check = OdometryCheck()
 
@@ -117,7 +122,7 @@ class PoseFilter:
         of the whole map is over.
 
         """
-        self.known = FilterState(fix, last_fix=self.known.last_fix)
+        self.known = FilterState(fix, last_fix=self.known.last_fix, origin=fix)
         self._learn_velocity(fix)
 
     def predict(self, stamp_ns: int) -> Belief | None:
@@ -130,6 +135,24 @@ class PoseFilter:
         unseen = self.belief.unseen + elapsed
         drift = self._drift(blind, (self.belief.driven, driven), (self.belief.unseen, unseen))
         return replace(_moved(self.belief, stamp_ns, motion, drift), driven=driven, unseen=unseen)
+
+    def predict_unproven(self, stamp_ns: int) -> Belief | None:
+        """
+        Return the last fix or given belief moved by odometry that no fix has confirmed yet.
+
+        It is one more place to look at, and never narrows a search. None where odometry is
+        believed, contradicted or missing.
+
+        """
+        origin, check = self.known.origin, self.odometry_check
+        if origin is None or check.believed or check.rejected:
+            return None
+        motion = self.odometry.motion(origin.stamp_ns, stamp_ns)
+        if motion is None:
+            return None
+        driven, seconds = math.hypot(motion.x, motion.y), (stamp_ns - origin.stamp_ns) * 1e-9
+        drift = self._drift(BLIND, (0.0, driven), (0.0, seconds))
+        return replace(_moved(origin, stamp_ns, motion, drift), driven=driven, unseen=seconds)
 
     def _motion(self, stamp_ns: int, elapsed: float) -> tuple[Pose2, float]:
         """Return the motion since the belief, and times how much drift with time it has."""
@@ -219,12 +242,12 @@ class PoseFilter:
         fusing = fuse and _agree(innovation, total)
         belief = _fused(prior, measured, innovation, total) if fusing else measured
         self._learn_velocity(belief)
-        self.belief = belief
+        self.known = replace(self.known, belief=belief, origin=belief)
         return belief
 
     def miss(self, prior: Belief) -> None:
         """Carry the prediction on where a frame gave no match."""
-        self.belief = prior
+        self.known = replace(self.known, belief=prior)
 
     def _learn_velocity(self, fix: Belief) -> None:
         last, velocity = self.known.last_fix, self.known.velocity
@@ -249,8 +272,9 @@ class PoseFilter:
         drift = self._drift(1.0, (0.0, math.hypot(told.x, told.y)), (0.0, elapsed))
         spread = since.covariance + fix.covariance + drift
         done = self.odometry_check.compare(
-            told, since.pose.inverse() @ fix.pose, math.sqrt(spread[0, 0] + spread[1, 1]),
-            math.sqrt(spread[2, 2]), elapsed,
+            told, since.pose.inverse() @ fix.pose,
+            sigma_xy=math.sqrt(spread[0, 0] + spread[1, 1]),
+            sigma_yaw=math.sqrt(spread[2, 2]), elapsed=elapsed,
         )
         if done:
             self.known = replace(self.known, compared_since=fix)

@@ -149,7 +149,7 @@ class TrackState:
         """Return the belief at the stamp of a frame; None without one."""
         belief = self.pose_filter.belief
         if belief is not None and (belief.stamp_ns == NOW or belief.stamp_ns > stamp_ns):
-            self.pose_filter.belief = replace(belief, stamp_ns=stamp_ns)
+            self.pose_filter.restamp(stamp_ns)
         return self.pose_filter.predict(stamp_ns)
 
     @property
