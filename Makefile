@@ -17,10 +17,10 @@ RESULTS = --out $(or $(OUT),results/$@) $(if $(OUT),,--force)
 .DEFAULT_GOAL := help
 .PHONY: help setup demo replay evaluate bench paper params figures test lint type pytest numpy fuzz soak clean
 
-help: ## list the verbs
+help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
 
-setup: $(READY) ## make the environment only
+setup: $(READY) ## set up the environment only
 
 $(READY): setup.py $(wildcard gip_localizer/core/kernels/*)
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' || { \
@@ -35,7 +35,7 @@ $(READY): setup.py $(wildcard gip_localizer/core/kernels/*)
 	  $(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --editable ".[$$extras]"
 	@touch $@
 
-demo: $(READY) ## a camera, the node and a judge over DDS (WORLD= RATE= SECONDS= METRIC= OUT=)
+demo: $(READY) ## camera, node and observer over DDS (WORLD= RATE= SECONDS= METRIC= OUT=)
 	@$(GIP) demo $(RESULTS) $(if $(WORLD),--world $(WORLD)) $(if $(RATE),--rate $(RATE)) \
 	  $(if $(SECONDS),--seconds $(SECONDS)) $(if $(METRIC),--metric $(METRIC))
 
@@ -43,14 +43,14 @@ replay: $(READY) ## localize a recorded bag (BAG= METRIC= OUT=)
 	@test -n '$(BAG)' || { echo 'no bag below bags/; name one: make replay BAG=path'; exit 1; }
 	@$(GIP) replay $(BAG) $(if $(wildcard $(BAG)/params.yaml),--params $(BAG)/params.yaml) $(RESULTS) $(if $(METRIC),--metric $(METRIC))
 
-evaluate: $(READY) ## accuracy and honesty against bounds, under 10 minutes (SUITE= FRAMES= SEED= OUT=)
+evaluate: $(READY) ## accuracy and integrity, compared with bounds, under 10 minutes (SUITE= FRAMES= SEED= OUT=)
 	@$(GIP) evaluate $(RESULTS) $(if $(SUITE),--suite $(SUITE)) $(if $(FRAMES),--frames $(FRAMES)) \
 	  $(if $(SEED),--seed $(SEED))
 
-paper: $(READY) ## the numbers and figures of the paper (OUT=)
+paper: $(READY) ## reproduce the numbers and figures of the paper (OUT=)
 	@$(GIP) paper $(RESULTS)
 
-bench: $(READY) ## time and winners beside OpenCV; let the machine rest (SUITE= QUICK= OUT=)
+bench: $(READY) ## speed compared with OpenCV; stop other programs (SUITE= QUICK= OUT=)
 	@$(GIP) bench $(if $(SUITE),--suite $(SUITE)) $(if $(QUICK),--quick) $(RESULTS)
 
 params: $(READY) ## write config/*.yaml, docs/parameters.md and docs/diagnostics.md again
@@ -59,7 +59,7 @@ params: $(READY) ## write config/*.yaml, docs/parameters.md and docs/diagnostics
 figures: $(READY) ## draw the README's picture again
 	@$(VENV)/bin/python -m gip_localizer.visualization.overview_figure bags/demo docs/figures/overview.png
 
-test: lint ## everything that must hold; mypy runs meanwhile
+test: lint ## all checks; mypy runs in parallel with the tests
 	@$(MAKE) --no-print-directory --jobs=2 type pytest
 
 lint: $(READY) ## ruff
@@ -68,16 +68,16 @@ lint: $(READY) ## ruff
 type: $(READY) ## mypy
 	@$(VENV)/bin/mypy
 
-pytest: $(READY) ## the tests alone, in parallel (WORKERS=)
+pytest: $(READY) ## only the tests, in parallel (WORKERS=)
 	@$(PYTEST) --durations=15
 
 numpy: $(READY) ## the core's tests without the compiled loops
 	@GIP_COMPILED=0 $(PYTEST) $(LOOPS:%=test/test_%.py)
 
-fuzz: $(READY) ## mutated messages and files of every kind (MANY= of each, 10000; over an hour)
+fuzz: $(READY) ## mutated messages and files of every kind (MANY=10000 of each; over an hour)
 	@GIP_FUZZ=$(or $(MANY),10000) $(VENV)/bin/python -m pytest --durations=0 test/test_fuzz_messages.py test/test_fuzz_files.py
 
-soak: $(READY) ## the node under everything that goes wrong on a vehicle (MINUTES=, 30)
+soak: $(READY) ## the node with all simulated faults of a vehicle (MINUTES=30)
 	@GIP_SOAK=$$(( $(or $(MINUTES),30) * 60 )) $(VENV)/bin/python -m pytest -s test/test_ros_soak.py
 
 clean: ## remove the environment, caches and results
