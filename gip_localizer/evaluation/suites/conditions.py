@@ -83,6 +83,7 @@ TILES_VIEW: dict[str, Value] = {
 }
 """View of the localizer for the paper's camera, metres."""
 TILES_CAMERA: dict[str, Value] = {'world.resolution': 0.05, 'world.join': 1}
+"""Settings of the tiles: cells of 0.05 m in world and map."""
 
 CLEAR = Condition(
     name='clear', title='clear day, exposure unknown', scenario='clear',

@@ -55,6 +55,7 @@ SETUPS = (
         localizer=FINE,
     ),
 )
+"""Setups with noise of -3 dB, or in fractions of full scale; chosen."""
 
 
 class CramerRao:

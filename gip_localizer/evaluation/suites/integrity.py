@@ -32,6 +32,7 @@ POOR = (
     replace(NIGHT, name='paint alone, night', ground='poor'),
 )
 POOR_NOISY = replace(CLEAR, name='paint alone, noisy map', ground='poor', map_noise=0.05)
+"""Setups; noisy maps have errors of 0.05 of full scale; chosen."""
 REPEATED = replace(CLEAR, name='repeated texture', ground='repeated')
 RICH_NAME, POOR_NAME = 'rich texture', 'poor texture'
 GROUPS: dict[str, tuple[Setup, ...]] = {

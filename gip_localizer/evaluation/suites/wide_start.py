@@ -38,6 +38,7 @@ START = Spread(3.5, 3.5, math.radians(17.0))
 WINDOW: dict[str, Value] = {
     'search.x': 3.6, 'search.y': 3.6, 'search.yaw': math.radians(18.0), 'search.yaw_step': 0.0175,
 }
+"""Search window that holds all starts, in the units of its parameters."""
 NOISY = Setup(
     name='dark', title='dark and noisy: mean grey about 10', scenario='night',
     camera={**CAR_CAMERA, 'sensor.gain': 0.08, 'sensor.full_well': 500.0,
