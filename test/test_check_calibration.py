@@ -27,7 +27,7 @@ GRID = Grid(12.0, 4.0, 200, 160, 0.05)
 def check(tmp_path, capsys, *words):
     code = main(['check-calibration', str(BAG), '--out', str(tmp_path / 'c.png'), *words])
     said = capsys.readouterr()
-    found = re.search(r'ask for camera.pitch +([\d.]+)', said.out)
+    found = re.search(r'estimated camera.pitch +([\d.]+)', said.out)
     return code, float(found.group(1)) if found else None, said
 
 

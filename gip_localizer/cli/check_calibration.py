@@ -72,7 +72,7 @@ def _print_result(check: CalibrationCheck, pitch: float, out: Path) -> int:
     excess, error = check.excess, check.error
     print(f'{"camera.pitch too large by":28}{math.degrees(excess):>10.3f}  deg '
           f'(standard error {math.degrees(error):.3f})')
-    print(f'{"camera.pitch of parallel lines":28}{pitch - excess:>10.5f}  rad')
+    print(f'{"estimated camera.pitch":28}{pitch - excess:>10.5f}  rad')
     print(f'picture: {out}')
     if abs(excess) > BOUND + 2.0 * error:
         print('gip: the lane lines are not parallel: correct camera.pitch, or camera.z and the '
