@@ -113,5 +113,5 @@ def test_the_verb_measures_and_writes(tmp_path, capsys):
 
 
 def test_a_window_of_the_track_suite_has_the_size_it_names():
-    assert Scene(60.0).lattice(Scene(60.0).place(np.random.default_rng(0)), TRACK).shape == (
-        11, 21, 21)
+    scene = Scene(60.0)
+    assert scene.lattice(scene.place(np.random.default_rng(0)), TRACK).shape == (11, 21, 21)

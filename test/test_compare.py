@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -13,9 +15,11 @@ from gip_localizer.evaluation.results import write_results
 from gip_localizer.parameters import Parameters
 
 
-@pytest.fixture
-def runs(tmp_path):
-    plain, other = tmp_path / 'plain', tmp_path / 'other'
+@pytest.fixture(scope='module')
+def runs(tmp_path_factory):
+    """Two results folders, to be read only."""
+    folder = tmp_path_factory.mktemp('runs')
+    plain, other = folder / 'plain', folder / 'other'
     write_results(plain, noisy_run())
     changed = Parameters.from_dict({'score.metric': 'euclidean'})
     write_results(other, noisy_run(scale=3.0, withheld=9, parameters=changed))
@@ -51,11 +55,11 @@ def test_the_figure_overlays_all_runs(runs, tmp_path):
     picture = cv2.imread(str(tmp_path / 'out' / 'compare.png'))
     assert picture is not None
     assert min(picture.shape[:2]) > 500
-    axes = comparison_figure(read_runs([tmp_path / 'plain', tmp_path / 'other'])).axes[0]
+    axes = comparison_figure(read_runs([Path(run) for run in runs])).axes[0]
     assert [line.get_label() for line in axes.lines] == ['plain', 'other']
     np.testing.assert_allclose(
         np.sqrt(np.mean((axes.lines[0].get_ydata() / 1e3) ** 2)),
-        read_runs([tmp_path / 'plain'])[0].metrics['rmse_xy_m'], atol=1e-9,
+        read_runs([Path(runs[0])])[0].metrics['rmse_xy_m'], atol=1e-9,
     )
 
 
