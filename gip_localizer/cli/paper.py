@@ -55,7 +55,7 @@ def add_parser(verbs: Any) -> None:
         '--out', type=Path, default=Path('results/paper'), metavar='DIR',
         help='results folder (default: results/paper)',
     )
-    output.add_argument('--force', action='store_true', help='replace earlier results in DIR')
+    output.add_argument('--force', action='store_true', help='replace existing results in DIR')
     camera = parser.add_argument_group('camera', 'defaults are the paper\'s')
     for option, (name, text) in CAMERA_OPTIONS.items():
         camera.add_argument(f'--{option}', dest=name, type=float, metavar='X', help=text)

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A bag through the localizer, message by message in log order: the node's own path, without ROS.
+Run a bag through the localizer, message by message in log order, as the node does, without ROS.
 
-Only what the results need is kept of a frame, so that memory does not grow with the images.
+Only the data for the results is kept, so that memory does not grow with the images.
 
 """
 
@@ -55,11 +55,11 @@ class Replay:
     bag : Bag
         The input.
     topics : Topics
-        What is read of it.
+        Topics to read.
     raster_map : RasterMap
         The map.
     parameters : Parameters
-        As used.
+        Parameters of the localizer.
     truth : Trajectory or None
         Ground truth.
     estimates : list of Estimate
@@ -100,7 +100,7 @@ class Replay:
         Raises
         ------
         BagError
-            There is no image in the window.
+            No image in the window can be read.
 
         """
         started = time.perf_counter()
@@ -124,7 +124,7 @@ class Replay:
             )
 
     def _calibrate(self, window: BagWindow) -> None:
-        """Take the bag's first CameraInfo where the first image would come without one."""
+        """Use the bag's first CameraInfo if it comes after the image or before the window."""
         start, stop = window.log_times(self.bag)
         image = next(self.bag.messages([self.topics.image.name], start, stop), None)
         for info in self.bag.messages([self.topics.camera_info.name]):
@@ -140,16 +140,16 @@ class Replay:
         if late_ns > 0:
             self._notes.append(
                 f'the first camera_info comes {late_ns * 1e-9:.3f} s after the first image and '
-                'is taken for the images before it too; the node would withhold their poses'
+                'is used for the images before it too; the node would withhold their poses'
             )
 
     @property
     def complete(self) -> bool:
-        """True when the bag was replayed to the end of the window."""
+        """True if the bag was replayed to the end of the window."""
         return self._complete
 
     def result(self, title: str, sources: Mapping[str, Any], notes: list[str]) -> Run:
-        """Return the run as far as it went."""
+        """Return the run so far."""
         return Run(
             title=title, estimates=self.estimates, parameters=self.parameters, truth=self.truth,
             raster_map=self.raster_map, exhibits=self._worst.exhibits(),
@@ -159,7 +159,7 @@ class Replay:
         )
 
     def _role(self, raw: BagMessage) -> str:
-        """Return what a message is to the localizer."""
+        """Return the role of a message for the localizer."""
         named = {IMAGE: self.topics.image, MASK: self.topics.mask,
                  CAMERA_INFO: self.topics.camera_info, ODOMETRY: self.topics.odometry,
                  INITIAL_POSE: self.topics.initial_pose}
@@ -169,7 +169,7 @@ class Replay:
     def _note(
         self, on_frame: Callable[[Estimate], None], found: Iterable[tuple[Frame, Estimate]]
     ) -> None:
-        """Keep what the results need of each frame."""
+        """Keep the data of a frame for the results."""
         compressed = self.topics.image.msgtype == COMPRESSED
         decode = compressed_grey_image if compressed else grey_image
         for frame, estimate in found:
@@ -185,12 +185,12 @@ class Replay:
         counts = self._dispatch.frontend.counts
         return [
             f'{concern}: {counts.get(f"{concern}_refused", 0)} of {counts.get(concern, 0)} '
-            f'messages refused, the first because: {reason}'
+            f'messages refused, first reason: {reason}'
             for concern, reason in self._dispatch.first_complaints.items()
         ] + [
             f'{rule} in {times} of {len(self.estimates)} frames, first: {detail}'
             for rule, (times, detail) in self._warnings.items()
-        ] + ([f'{self._dispatch.overtaken} images were overtaken by a newer one with its mask']
+        ] + ([f'{self._dispatch.overtaken} images were overtaken by a newer image with its mask']
              if self._dispatch.overtaken else [])
 
     def _truth_elsewhere(self) -> list[str]:
