@@ -93,7 +93,7 @@ def half_size(data):
 
 
 @pytest.mark.parametrize(('change', 'words'), [
-    (lambda data: data[:200], 'decode'), (half_size, 'its CameraInfo is for'),
+    (lambda data: data[:200], 'truncated'), (half_size, 'its CameraInfo is for'),
 ])
 def test_images_that_cannot_be_used_are_counted_and_the_others_tell(
     tmp_path, capsys, change, words

@@ -233,7 +233,7 @@ def test_a_trial_that_raises_is_told_and_the_others_count(tmp_path, capsys, monk
                  '--out', str(out)]) == 1
     said = capsys.readouterr().err
     raised = CONDITIONS[1].name
-    assert f'missed: conditions: {raised}: trial 0 ended in a fault' in said
+    assert f'missed: conditions: {raised}: trial 0 raised an exception' in said
     assert 'ZeroDivisionError' in said
     assert json.loads((out / 'evaluation.json').read_text())['faults'] == 1
     rows = list(csv.DictReader((out / 'evaluation.csv').open()))
