@@ -24,7 +24,8 @@ GOOD = {'availability': 1.0, 'rmse_xy_m': 0.01, 'rmse_yaw_deg': 0.05, 'wrong_pub
 DEMO = [sys.executable, '-m', 'gip_localizer.cli', 'demo']
 PATIENCE = 300.0
 RATES = ('5', '2', '1')
-"""Images per second: a machine that says it does not keep up is asked for fewer."""
+"""Images per second: where the demo finds the machine too busy, it is tried with fewer."""
+BUSY = ('is overloaded', 'no pose within')
 
 
 def nodes_of(demo):
@@ -41,7 +42,7 @@ def test_the_demo_meets_its_bounds_and_writes_its_results(tmp_path, world):
              '--out', str(out), '--force'],
             capture_output=True, text=True, timeout=PATIENCE, check=False,
         )  # fmt: skip
-        if 'did not keep up' not in done.stderr:
+        if not any(words in done.stderr for words in BUSY):
             break
     assert done.returncode == 0, done.stdout + done.stderr
     metrics = json.loads((out / 'metrics.json').read_text())

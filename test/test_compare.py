@@ -37,7 +37,7 @@ def line_of(text, start):
 def test_figures_stand_side_by_side(runs, tmp_path, capsys):
     assert compare(runs, tmp_path) == 0
     text = capsys.readouterr().out
-    assert line_of(text, 'Figures')[1:] == ['plain', 'other']
+    assert line_of(text, 'Metrics')[1:] == ['plain', 'other']
     assert line_of(text, 'published')[-2:] == ['60', '51']
     first, second = map(float, line_of(text, 'position error, rms')[-2:])
     assert second > 2.0 * first
@@ -74,7 +74,7 @@ def test_runs_of_one_name_are_told_apart_by_their_parents(tmp_path, capsys):
     for parent in ('a', 'b'):
         write_results(tmp_path / parent / 'run', noisy_run(count=4))
     compare([str(tmp_path / p / 'run') for p in ('a', 'b')], tmp_path)
-    assert line_of(capsys.readouterr().out, 'Figures')[1:] == ['a/run', 'b/run']
+    assert line_of(capsys.readouterr().out, 'Metrics')[1:] == ['a/run', 'b/run']
 
 
 @pytest.mark.parametrize('changes', [{'truth': None}, {'estimates': []}, {'withheld': 60}])
