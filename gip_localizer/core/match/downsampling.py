@@ -23,6 +23,8 @@ from gip_localizer.core.cell_means import downsampled
 
 LOCAL_MEAN_M = 1.0  # m: side of the square whose mean counts as brightness, not as pattern
 CLIP = 4.0  # robust standard deviations
+NORMALIZED_CLIP = 1.0  # the same for `locally_normalized`; 4 found 4 of 14 frames among cars, 1 11
+LEAST_CONTRAST = 0.3  # of the mean one: less is noise, which is not made as strong as paint
 
 
 def downsampled_view(view: View, weight: Floats, factor: int) -> tuple[View, Floats]:
@@ -51,7 +53,9 @@ def downsampled_view(view: View, weight: Floats, factor: int) -> tuple[View, Flo
     return View(patch, footprint, total > 0.0, larger), total
 
 
-def locally_centred(values: Floats, weight: Floats, resolution: float) -> Floats:
+def locally_centred(
+    values: Floats, weight: Floats, resolution: float, clip: float = CLIP
+) -> Floats:
     """
     Take the local mean out and clip what sticks out.
 
@@ -63,6 +67,8 @@ def locally_centred(values: Floats, weight: Floats, resolution: float) -> Floats
         Above 0 where values count (only that is used).
     resolution : float
         Side of a cell, metres.
+    clip : float
+        Robust standard deviations that may stick out.
 
     Returns
     -------
@@ -71,12 +77,33 @@ def locally_centred(values: Floats, weight: Floats, resolution: float) -> Floats
 
     """
     known = (weight > 0.0).astype(np.float32)
-    side = 2 * max(round(0.5 * LOCAL_MEAN_M / resolution), 1) + 1
-    share = cv2.blur(known, (side, side), borderType=cv2.BORDER_CONSTANT)
-    mean = cv2.blur(values * known, (side, side), borderType=cv2.BORDER_CONSTANT)
-    centred = (values - mean / np.maximum(share, np.float32(1e-6))) * known
+    centred = (values - _local_mean(values, known, resolution)) * known
     counted = np.abs(centred[known > 0.0])
     if counted.size == 0:
         return np.asarray(centred)
-    limit = np.float32(max(CLIP * median(counted) / 0.6745, 1e-6))
+    limit = np.float32(max(clip * median(counted) / 0.6745, 1e-6))
     return np.asarray(np.clip(centred, -limit, limit))
+
+
+def locally_normalized(values: Floats, weight: Floats, resolution: float) -> Floats:
+    """
+    Give the pattern about every cell the same contrast: means and deviations are local ones.
+
+    For a search without a prior: else the edges of cars and shadows, of many times the contrast
+    of a road, decide where on a map a view fits best. Arguments and result as of
+    `locally_centred`.
+
+    """
+    known = (weight > 0.0).astype(np.float32)
+    centred = locally_centred(values, weight, resolution, clip=NORMALIZED_CLIP)
+    power = _local_mean(centred**2, known, resolution)
+    least = LEAST_CONTRAST**2 * float(power.sum()) / max(float(known.sum()), 1.0)
+    return np.asarray(centred / np.sqrt(np.maximum(power, np.float32(max(least, 1e-12)))))
+
+
+def _local_mean(values: Floats, known: Floats, resolution: float) -> Floats:
+    """Mean over the known cells (1; others are 0) of a square about each cell."""
+    side = 2 * max(round(0.5 * LOCAL_MEAN_M / resolution), 1) + 1
+    share = cv2.blur(known, (side, side), borderType=cv2.BORDER_CONSTANT)
+    total = cv2.blur(values * known, (side, side), borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(total / np.maximum(share, np.float32(1e-6)))

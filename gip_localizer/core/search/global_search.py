@@ -11,13 +11,10 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.belief import Belief
-from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.birdseye.rectifier import View
-from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.match.downsampling import downsampled_view
-from gip_localizer.core.match.peaks import best_peaks
-from gip_localizer.core.match.posterior import independent_cells, with_unseen
-from gip_localizer.core.match.score_surface import Lattice, match, Scores
+from gip_localizer.core.match.posterior import independent_cells
+from gip_localizer.core.match.pyramid.coarse_to_fine import pyramid_modes
+from gip_localizer.core.match.score_surface import Scores
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.refine.fit import SAME_PLACE
 from gip_localizer.core.refine.refiner import Refiner
@@ -33,9 +30,11 @@ from gip_localizer.core.search.map_crops import MapCrops
 from gip_localizer.core.search.window import SearchWindow
 from gip_localizer.parameters import Parameters
 
-HEADINGS_AT_ONCE = 12  # bounds the memory
 MAX_CELLS = 400_000  # coarse map cells; a larger map is searched on larger cells
 CANDIDATES = 12
+MOST_SEARCHED = 6  # of them that are searched to the end, those that look most alike
+KEPT = (64, 32)  # modes of the largest cells and below: 11 of 14 frames among cars, 9 with half
+WITHIN = 0.6  # over the best of them, as a share of its depth
 LOCAL_COVARIANCE = np.eye(3)  # m^2, rad^2: local searches hardly use the coarse pose as a prior
 
 
@@ -55,7 +54,7 @@ def global_search(
         and the view share nothing.
 
     """
-    places = coarse_places(view, weight, crops.raster_map, parameters)
+    places = coarse_places(view, weight, crops, parameters)
     if not places:
         return None
     normalized = parameters.score.normalized
@@ -76,9 +75,10 @@ def global_search(
         _likeness(lattice_scores(view, weight, crops, place.pose, extent, normalized=normalized))
         for place in places
     ]
+    ranked = sorted(zip(likeness, places, strict=True), key=lambda pair: -pair[0])
     searches = [
-        searched(place.pose) for place, alike in zip(places, likeness, strict=True)
-        if alike >= COMPETITOR_SHARE * max(likeness)
+        searched(place.pose) for alike, place in ranked[:MOST_SEARCHED]
+        if alike >= COMPETITOR_SHARE * ranked[0][0]
     ]
     found = _one_each([f for f in searches if f is not None])
     if not found:
@@ -108,7 +108,7 @@ def _likeness(scores: Scores) -> float:
 
 @dataclass(frozen=True)
 class Place:
-    """A coarse candidate: its residual, its pose, and the step of the lattice it is from."""
+    """A coarse candidate: its residual, its pose, and the side of the cells it is from, m."""
 
     residual: float
     pose: Pose2
@@ -116,53 +116,30 @@ class Place:
 
 
 def coarse_places(
-    view: View, weight: Floats, raster_map: RasterMap, parameters: Parameters
+    view: View, weight: Floats, crops: MapCrops, parameters: Parameters
 ) -> list[Place]:
     """Return the best places of the whole map on large cells, best first."""
-    recovery = parameters.recovery
-    width, height = raster_map.size_m
+    recovery, normalized = parameters.recovery, parameters.score.normalized
+    width, height = crops.raster_map.size_m
     cell = max(recovery.cell, math.sqrt(width * height / MAX_CELLS))
-    factor = coarse_factor(view.grid.resolution, cell)
-    larger, larger_weight = downsampled_view(view, weight, factor)
-    step = larger.grid.resolution
-    corners = np.array([[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
-    crop = raster_map.crop(raster_map.origin.transform(corners), margin=0.0, cell=step)
-    if crop is None:
-        return []
-    centre = raster_map.origin @ Pose2(0.5 * width, 0.5 * height, 0.0)
-    reach = _reach(larger.grid)
-    half = (math.ceil((0.5 * width + reach) / step), math.ceil((0.5 * height + reach) / step))
-    count = max(round(2.0 * math.pi / recovery.yaw_step), 1)
-    headings = (np.arange(count) / count - 0.5) * 2.0 * math.pi
-    places: list[Place] = []
-    for start in range(0, count, HEADINGS_AT_ONCE):
-        lattice = Lattice(centre, step, half, headings[start : start + HEADINGS_AT_ONCE])
-        scores = match(
-            larger, larger_weight, crop, lattice, min_overlap=parameters.score.min_overlap,
-            normalized=parameters.score.normalized, centred=True,
-        )
-        residual = with_unseen(scores)
-        places += [
-            Place(float(residual[index]), lattice.pose(np.array(index, float)), step)
-            for index in best_peaks(-residual, CANDIDATES)
-        ]
-    places.sort(key=lambda place: place.residual)
-    return _apart(places)[:CANDIDATES]
+    step = view.grid.resolution * coarse_factor(view.grid.resolution, cell)
+    whole = crops.whole(step, patterned=normalized)
+    level = whole.level(view, weight, recovery.yaw_step)
+    found = pyramid_modes(
+        level, normalized=normalized, min_overlap=parameters.score.min_overlap, count=CANDIDATES,
+        kept=KEPT, within=WITHIN,
+    )
+    return _apart([Place(residual, pose, step) for residual, pose in found])
 
 
 def _apart(places: list[Place]) -> list[Place]:
-    """Leave out places beside better ones."""
+    """Leave out places next to better ones."""
     kept: list[Place] = []
     for place in places:
         gaps = (difference(place.pose, other.pose) for other in kept)
         if all(np.hypot(gap[0], gap[1]) > 2.5 * place.step or abs(gap[2]) > 0.1 for gap in gaps):
             kept.append(place)
     return kept
-
-
-def _reach(grid: Grid) -> float:
-    """Farthest distance of a view's centre from base, metres: how far off the map base may be."""
-    return float(math.hypot(grid.far - 0.5 * grid.rows * grid.resolution, 0.0))
 
 
 def _with_competitors(found: list[SearchResult], cells: float) -> SearchResult:

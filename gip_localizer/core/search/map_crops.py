@@ -20,6 +20,7 @@ from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.map.crop import Crop
 from gip_localizer.core.map.raster_map import Box, RasterMap
 from gip_localizer.core.pose import Pose2
+from gip_localizer.core.search.whole_map import average_map, WholeMap
 from gip_localizer.core.search.window import SearchWindow
 
 SNAP = 1.6  # m
@@ -43,6 +44,15 @@ class MapCrops:
     def __init__(self, raster_map: RasterMap) -> None:
         self.raster_map = raster_map
         self._kept: OrderedDict[tuple[Box, float], Crop] = OrderedDict()
+        self._whole: tuple[tuple[float, bool], WholeMap] | None = None
+
+    def whole(self, cell: float, *, patterned: bool) -> WholeMap:
+        """Return the whole map on large cells (m), made at the first search."""
+        key = (cell, patterned)
+        if self._whole is None or self._whole[0] != key:
+            self._whole = None
+            self._whole = key, average_map(self.raster_map, cell, patterned=patterned)
+        return self._whole[1]
 
     def about(self, grid: Grid, pose: Pose2, extent: SearchWindow, cell: float) -> Crop | None:
         """

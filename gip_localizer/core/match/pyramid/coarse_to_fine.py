@@ -16,7 +16,7 @@ and scores that on larger cells (`search`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 import math
@@ -46,6 +46,9 @@ REACH = 4  # translations about a start that are prepared for its climb
 DOUBT = 500.0  # log likelihood ratio, below which larger cells have been seen to hide the best
 MOST_IN_DOUBT = 5_000_000  # candidates that are all scored in doubt
 CROWD = 4  # candidates looked at per mode kept
+MOST_OF_A_CLIMB = 27  # candidates that a climb scores about its end
+BLOCK_CANDIDATES = 16_000_000  # of the largest cells, scored at once: 64 MB of float32
+LEAST_YAWS = 12  # of a block, of which two more are scored to compare its first and last
 
 
 @dataclass(frozen=True)
@@ -110,15 +113,9 @@ def pyramid_winner(
     levels = _levels(level)
     if len(levels) == 1:
         return exhaustive_winner(level, normalized=normalized, min_overlap=min_overlap)
-    loose = LOOSER * min_overlap
     count = kept[0] if len(levels) > 2 else min(2 * CLIMBED, kept[0])
-    modes, depth = _best_of_all(levels[0], normalized, loose, count)
-    for above, below in pairwise(levels[:-1]):
-        probe = LocalScores(below, normalized=normalized, min_overlap=loose)
-        probe.score(near for _, mode in modes for near in probe.box(_below(above, below, mode)))
-        probe.close()
-        modes = _best_known(probe, kept[1], WITHIN[1] * depth)
-    places = [_below(levels[-2], level, mode) for value, mode in modes[:CLIMBED]
+    modes, depth = _descend(levels, normalized, min_overlap, (count, kept[1]), WITHIN[0])
+    places = [place for value, place in modes[:CLIMBED]
               if value <= modes[0][0] + WITHIN[2] * depth]
     known = _climbs(level, places, normalized, min_overlap)
     if not known:
@@ -127,6 +124,56 @@ def pyramid_winner(
     if _in_doubt(level, depth, known[winner]):
         return exhaustive_winner(level, normalized=normalized, min_overlap=min_overlap)
     return _winner(level, winner, known[winner])
+
+
+def pyramid_modes(
+    level: Level, *, normalized: bool, min_overlap: float, count: int,
+    kept: tuple[int, int], within: float,
+) -> list[tuple[float, Pose2]]:
+    """
+    Search coarse to fine for places that are better than all about them.
+
+    Parameters
+    ----------
+    level, normalized, min_overlap, kept
+        As for `pyramid_winner`.
+    count : int
+        Most places that are returned.
+    within : float
+        How much worse than the best, as a share of its depth, a mode of the largest cells may be.
+
+    Returns
+    -------
+    list of (float, Pose2)
+        Exact residual, and pose between the candidates; best first, none twice.
+
+    """
+    levels = _levels(level)
+    modes, _ = _descend(levels, normalized, min_overlap, kept, within)
+    known = _climbs(level, [place for _, place in modes], normalized, min_overlap)
+    order = sorted(known, key=lambda place: (known[place], place))
+    finite = np.array([place for place in order if np.isfinite(known[place])])
+    if not len(finite):
+        return []
+    finite = finite[: MOST_OF_A_CLIMB * count]
+    return [(value, level.lattice.pose(np.array(peak)))
+            for value, peak in modes_of(finite, known, count)]
+
+
+def _descend(
+    levels: list[Level], normalized: bool, min_overlap: float, kept: tuple[int, int],
+    within: float,
+) -> tuple[list[tuple[float, Index]], float]:
+    """Return where the modes of the larger cells lie on the last level, and the best's depth."""
+    loose = LOOSER * min_overlap
+    modes, depth = _best_of_all(levels[0], normalized, loose, kept[0], within)
+    for above, below in pairwise(levels[:-1]):
+        probe = LocalScores(below, normalized=normalized, min_overlap=loose)
+        probe.score(near for _, mode in modes for near in probe.box(_below(above, below, mode)))
+        probe.close()
+        modes = _best_known(probe, kept[1], WITHIN[1] * depth)
+    above = levels[max(len(levels) - 2, 0)]
+    return [(value, _below(above, levels[-1], mode)) for value, mode in modes], depth
 
 
 def _in_doubt(level: Level, depth: float, residual: float) -> bool:
@@ -193,16 +240,41 @@ def _winner(level: Level, index: Index, residual: float) -> Winner:
 
 
 def _best_of_all(
-    level: Level, normalized: bool, min_overlap: float, count: int
+    level: Level, normalized: bool, min_overlap: float, count: int, within: float
 ) -> tuple[list[Mode], float]:
     """Return the modes of the whole window, best first, and how deep the best lies."""
-    residual = np.empty(level.lattice.shape, np.float32)
-
-    def keep(yaws: slice, found: Residuals) -> None:
-        residual[yaws] = found.residual
-
     scorer = _scorer(level, normalized, min_overlap)
-    score_yaws(scorer, level.grid, level.canvas, level.lattice, keep)
+    found: list[Mode] = []
+    depths: list[float] = []
+    for yaws, own in _blocks(level.lattice.shape):
+        modes, depth = _best_of_block(level, scorer, yaws, count, within)
+        found += [mode for mode in modes if own.start - 0.5 <= mode[1][0] < own.stop - 0.5]
+        depths.append(depth)
+    return sorted(found)[:count], max(depths)
+
+
+def _blocks(shape: tuple[int, int, int]) -> list[tuple[slice, range]]:
+    """Divide yaws so that memory is bounded: those to be scored, and those of a block alone."""
+    count = shape[0]
+    size = max(BLOCK_CANDIDATES // (shape[1] * shape[2]), LEAST_YAWS)
+    return [
+        (slice(max(first - 1, 0), min(first + size + 1, count)),
+         range(first, min(first + size, count)))
+        for first in range(0, count, size)
+    ]
+
+
+def _best_of_block(
+    level: Level, scorer: Scorer, yaws: slice, count: int, within: float
+) -> tuple[list[Mode], float]:
+    """Return the modes of some yaws, best first, and how deep the best lies."""
+    lattice = replace(level.lattice, yaws=level.lattice.yaws[yaws])
+    residual = np.empty(lattice.shape, np.float32)
+
+    def keep(part: slice, found: Residuals) -> None:
+        residual[part] = found.residual
+
+    score_yaws(scorer, level.grid, level.canvas, lattice, keep)
     flat = residual.ravel()
     crowd, middle = min(CROWD * count, flat.size), flat.size // 2
     order = np.argpartition(flat, crowd - 1)[:crowd]
@@ -210,10 +282,11 @@ def _best_of_all(
     if not np.isfinite(least):
         return [], 0.0
     depth = usual - least if np.isfinite(usual) else np.inf
-    order = order[flat[order] <= least + WITHIN[0] * depth]
+    order = order[flat[order] <= least + within * depth]
     order = order[np.lexsort((order, flat[order]))]
     places = np.stack(np.unravel_index(order, residual.shape), axis=1)
-    return modes_of(places, ResidualLookup(residual), count), depth
+    modes = modes_of(places, ResidualLookup(residual), count)
+    return [(value, (peak[0] + yaws.start, *peak[1:])) for value, peak in modes], depth
 
 
 def _best_known(probe: LocalScores, count: int, above: float) -> list[Mode]:
