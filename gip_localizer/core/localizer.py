@@ -9,7 +9,7 @@ The localizer: one frame in, one estimate out.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -214,15 +214,27 @@ class Localizer:
         judged = partial(judge, search.match, parameters=self.parameters, prior=supporting)
         if search.match.contrast < self.parameters.integrity.min_contrast:
             return None, judged(None)
-        if prior is None or self.state.search_due(stamp_ns):
-            self.state.searched(stamp_ns)
-            found = search.everywhere(stamp_ns)
-            return found, judged(found)
         if supporting is not None:
             near = search.near(supporting)
             verdict = judged(near)
             if verdict.status is Status.TRACKING and verdict.expected:
                 return near, verdict
+        found, verdict = self._first_match(stamp_ns, search, prior, judged)
+        if found is None or prior is None or verdict.status is not Status.TRACKING:
+            return found, verdict
+        reach = self.state.pose_filter.reach(prior)
+        found = search.with_equal_places(found, prior, reach)
+        return found, judged(found)
+
+    def _first_match(
+        self, stamp_ns: int, search: FrameSearch, prior: Belief | None,
+        judged: Callable[[SearchResult | None], Verdict],
+    ) -> tuple[SearchResult | None, Verdict]:
+        """Search everywhere, or where the belief and then where unproven odometry leads to."""
+        if prior is None or self.state.search_due(stamp_ns):
+            self.state.searched(stamp_ns)
+            found = search.everywhere(stamp_ns)
+            return found, judged(found)
         found = search.about(prior, fresh=self.state.from_initialpose)
         verdict = judged(found)
         unproven = self.state.pose_filter.predict_unproven(stamp_ns)

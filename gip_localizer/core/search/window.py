@@ -12,6 +12,7 @@ from gip_localizer.parameters import Parameters
 
 FIRST_FIX_SIGMAS = 2.0  # a first prior's window covers this many standard deviations
 FIRST_FIX_LIMITS = (5.0, 0.6)  # m, rad: but no more than this
+MOST_REACH = 10.0  # m: half-width of the widest search for places that equal a match
 FOLLOWED_CELL = 0.2  # m: the surface only has to tell that nothing is better elsewhere
 FOLLOWED_SIGMAS = 4.0  # a confirmed belief's window covers this many
 FOLLOWED_MARGIN = (0.2, 0.0150)  # m, rad: and this beyond them
@@ -65,6 +66,15 @@ def first_fix_window(prior: Belief, parameters: Parameters) -> SearchWindow:
     return SearchWindow(
         max(search.x, wide), max(search.y, wide), max(search.yaw, wide_yaw), search.yaw_step,
         parameters.score.min_overlap,
+    )
+
+
+def equal_places_window(reach: float, parameters: Parameters) -> SearchWindow:
+    """Return the window in which places that equal a match may lie: `reach` m on each side."""
+    search = parameters.search
+    return SearchWindow(
+        reach, reach, search.yaw, search.yaw_step, parameters.score.min_overlap, modes=1,
+        cell=FOLLOWED_CELL,
     )
 
 

@@ -28,6 +28,7 @@ from gip_localizer.core.track.odometry_check import (
 from gip_localizer.parameters import Motion
 
 GATE_SQ = 21.1  # chi-square, 3 degrees of freedom, 99.99 %
+REACH_SIGMAS = 4.0  # of a prediction, within which the vehicle is
 HELD_VELOCITY_S = 2.0  # longest time since a fix for which its velocity is held
 BLIND = 5.0  # times as much drift with time where odometry does not tell the motion
 
@@ -209,6 +210,12 @@ class PoseFilter:
         innovation[:2] *= _beyond(math.hypot(innovation[0], innovation[1]), reach)
         innovation[2] *= _beyond(abs(innovation[2]), turn)
         return _agree(innovation, prior.covariance + measured.covariance)
+
+    def reach(self, prior: Belief) -> float:
+        """Return the distance from a prediction (m) at which the vehicle may be."""
+        freedom, _ = self._reach(prior.unseen)
+        variance = float(max(prior.covariance[0, 0], prior.covariance[1, 1]))
+        return REACH_SIGMAS * math.sqrt(variance) + freedom
 
     def _reach(self, seconds: float) -> tuple[float, float]:
         """Metres and radians that the motion since a fix may differ from the predicted one."""
