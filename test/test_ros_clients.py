@@ -132,3 +132,18 @@ def test_a_state_that_flaps_floods_neither_the_log_nor_the_diagnostics(
         send(tester, image, process)
     assert len(lines(tmp_path)) - before <= 12
     assert len(tester.diagnostics) - heard <= 5.0 * (time.monotonic() - began) + 2
+
+
+def test_z_and_tilt_are_those_of_the_initialpose_with_a_variance_that_no_filter_follows(
+    start, tester, render
+):
+    process = start({**UNPOSED, 'attitude.source': 'initialpose'})
+    high = initial_pose(START)
+    high.pose.pose.position.z = 40.0
+    tester.initial.publish(high)
+    tester.spin(0.3)
+    assert localized(tester, frames(render(START)), process).pose.position.z == 40.0
+    tester.until(lambda: tester.with_covariance, 'the covariance')
+    variances = np.diag(np.reshape(tester.with_covariance[-1].pose.covariance, (6, 6)))
+    assert variances[[2, 3, 4]].tolist() == [1e6, 100.0, 100.0]
+    assert tester.set('attitude.sigma_z', 2.0).successful

@@ -133,7 +133,8 @@ MAP = DiagnosticGroup('map', (
 PRIOR = DiagnosticGroup('prior', (
     Rule(Status.NO_PRIOR, W, 'no initialpose, initial_pose.* or relocalize so far'),
     Rule('INITIALPOSE_REFUSED', W, 'the last initialpose is of another frame, not finite or off '
-         'the map (until a usable one comes, for 10 s at least); the belief stays', withheld=False),
+         'the map (until a usable one comes, for 10 s at least); the belief stays',
+         withheld=False),
     Rule('STATE_REFUSED', W, 'state_file is of another map, too old or damaged (told for 10 s)',
          withheld=False),
 ), {

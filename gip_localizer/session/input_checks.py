@@ -101,7 +101,7 @@ def _span(seconds: float) -> str:
 
 
 def rectified_warning(topic: str, *, rectified: bool) -> str:
-    """Say where an image topic's name (image_proc's conventions) contradicts `camera.rectified`."""
+    """Say where a topic's name (as image_proc gives it) contradicts `camera.rectified`."""
     name = topic.removesuffix('/compressed').rsplit('/', 1)[-1]
     if 'rect' in name.split('_') and not rectified:
         return (f'{topic} sounds rectified, and camera.rectified is false: the distortion would '

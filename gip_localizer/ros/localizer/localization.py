@@ -178,7 +178,7 @@ class Localization:
         self._tell_changes()
 
     def _publish(self, estimate: Estimate, elapsed_ms: float) -> None:
-        self._outputs.publish(estimate, elapsed_ms)
+        self._outputs.publish(estimate, elapsed_ms, self._dispatch.attitude)
         self._publish_transform(estimate)
         self._outputs.publish_pictures(
             estimate, self._parameters.frames.base, self._dispatch.frontend
