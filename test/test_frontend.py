@@ -20,9 +20,11 @@ import numpy as np
 import pytest
 
 from gip_localizer.core.estimate import Status
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.parameters import Parameters
 from gip_localizer.session.frontend import Frontend
+from gip_localizer.session.initial_pose import prior_of
 
 S = 1_000_000_000
 CALIBRATION = make_calibration('plumb_bob')
@@ -204,7 +206,7 @@ NOWHERE.pose.pose.orientation = quaternion(0.0, 0.0, 0.0, 0.0)
     (initial_pose(Pose2(9e3, 10.0, 0.0), COVARIANCE), 'outside the map'),
     (initial_pose(Pose2(10.0, 10.0, 0.0), COVARIANCE * math.nan), 'NaN'),
     (initial_pose(Pose2(10.0, 10.0, 0.0), -COVARIANCE), 'not positive definite'),
-    (initial_pose(Pose2(10.0, 10.0, 0.0), np.zeros((3, 3))), 'not positive definite'),
+    (initial_pose(Pose2(10.0, 10.0, 0.0), np.diag([0.1, 0.0, -0.1])), 'not positive definite'),
     (NOWHERE, 'length 0'),
 ])
 def test_a_bad_initial_pose_is_told_and_the_belief_stays(vehicle, message, word):
@@ -253,3 +255,23 @@ def test_rectified_images_are_read_by_p(vehicle):
     assert 'P has focal lengths 0' in estimate.reason
     frontend.configure(PARAMETERS)
     vehicle.assert_localizes()
+
+
+def test_binning_declared_for_an_image_that_was_not_binned_is_named(road, scene):
+    vehicle = Vehicle(road, scene).ready()
+    binned = camera_info(CALIBRATION)
+    binned.binning_x = binned.binning_y = 2
+    vehicle.frontend.on_camera_info(binned)
+    estimate = vehicle.show()
+    assert estimate.status is Status.NO_CALIBRATION
+    assert 'before binning 2x2' in estimate.reason
+
+
+@pytest.mark.parametrize('given', [(0.0, 0.0, 0.0), (0.04, 0.0, 0.0), (0.04, 0.09, 0.0)])
+def test_variances_that_are_zero_are_those_of_the_parameters(given):
+    message = initial_pose(Pose2(0.0, 0.0, 0.0), np.diag(given))
+    start = PARAMETERS.initial_pose
+    _, covariance = prior_of(message, PARAMETERS, RasterMap(np.zeros((9, 9), np.uint8), 1.0))
+    defaults = (start.sigma_xy**2, start.sigma_xy**2, start.sigma_yaw**2)
+    expected = [value or default for value, default in zip(given, defaults, strict=True)]
+    np.testing.assert_allclose(covariance, np.diag(expected))

@@ -77,7 +77,7 @@ def test_each_status_has_a_rule_that_withholds_and_is_named_by_the_output(health
 
 def test_a_silent_camera_is_an_error_and_withholds(health, steady):
     steady.now += 1.5
-    assert report(health, 'camera').message == 'NO_IMAGE: for 1.5 s'
+    assert report(health, 'camera').message == 'NO_IMAGE: for 1.5 s; is image remapped?'
     assert report(health, 'output').rule.name == 'WITHHELD'
     health.image_came(2 * SECOND, 2 * SECOND)
     assert 'NO_IMAGE' not in rules(health)
@@ -92,7 +92,7 @@ def test_what_is_not_heard_during_a_long_frame_is_not_taken_for_silence(health, 
     assert rules(health) == set()
     steady.now += 1.1
     assert report(health, 'camera').message == (
-        'CLOCK_STOPPED: for 1.1 s; is /clock published?; NO_IMAGE: for 1.1 s'
+        'CLOCK_STOPPED: for 1.1 s; is /clock published?; NO_IMAGE: for 1.1 s; is image remapped?'
     )
     assert report(health, 'odometry').message == 'ODOMETRY_STALE: none for 1.1 s'
 
@@ -176,3 +176,21 @@ def test_figures_are_those_of_the_table(health):
 def test_rule_names_are_unique():
     names = [str(rule.name) for group in DIAGNOSTIC_GROUPS for rule in group.rules]
     assert len(names) == len(set(names))
+
+
+def test_a_refused_initialpose_stays_visible_until_a_good_one_comes(health, steady):
+    health.hear({'initialpose': 'of another frame'}, {'camera_info': 1, 'initialpose_refused': 1})
+    steady.now += 3600.0
+    assert 'INITIALPOSE_REFUSED' in rules_of(health, 'prior')
+    health.hear({}, {'camera_info': 1, 'odom': 1})
+    steady.now += 10.0
+    assert rules_of(health, 'prior') == []
+
+
+def test_images_ahead_of_the_first_word_of_a_simulated_clock_are_not_of_the_future(health):
+    health.image_came(5000 * SECOND, 0)
+    assert 'FUTURE_STAMPS' not in rules_of(health, 'camera')
+
+
+def rules_of(health, group):
+    return [rule.name for rule in report(health, group).rules]

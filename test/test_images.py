@@ -272,3 +272,11 @@ def test_damaged_files_are_read_or_refused(content, place, damage):
         return
     assert grey.ndim == 2
     assert grey.size > 0
+
+
+def test_a_jpeg_called_rgb8_is_named_as_one():
+    jpeg = np.frombuffer(b'\xff\xd8\xff\xe0' + bytes(100), np.uint8)[np.newaxis]
+    message = image_message(jpeg, 'mono8')
+    message.encoding, message.height, message.width, message.step = 'rgb8', 48, 64, 192
+    with pytest.raises(ImageError, match='begin like a JPEG'):
+        grey_image(message)

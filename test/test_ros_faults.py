@@ -41,7 +41,7 @@ def test_a_frame_that_raises_is_told_and_the_next_one_gives_a_pose(
 ):
     told = []
     monkeypatch.setattr(
-        localization._outputs, 'publish', lambda estimate, _: told.append(estimate)
+        localization._outputs, 'publish', lambda estimate, *_: told.append(estimate)
     )
     localization._take(CAMERA_INFO, camera_info())
     update = Localizer.update

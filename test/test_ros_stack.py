@@ -305,6 +305,17 @@ def test_a_managed_node_with_a_bad_map_stays_unconfigured(nodes, tester, tmp_pat
     assert '/nowhere/map.yaml' in (tmp_path / 'localizer.log').read_text()
 
 
+def test_a_failed_configure_is_repaired_by_a_parameter(nodes, tester, map_file):
+    nodes.start('localizer', {'lifecycle': True, 'map_file': '/nowhere/map.yaml'})
+    assert not change_state(tester, Transition.TRANSITION_CONFIGURE)
+    assert tester.set('map_file', str(map_file)).successful
+    assert change_state(tester, Transition.TRANSITION_CONFIGURE)
+    refused = tester.set('frames.map', 'moon')
+    assert not refused.successful
+    assert 'clean it up first' in refused.reason
+    assert not tester.set('lifecycle', False).successful
+
+
 def test_a_killed_node_is_back_where_it_was(nodes, tester, map_file, render, tmp_path):
     far_off = Pose2(-4.0, 3.0, 2.0)
     path = tmp_path / 'state.json'

@@ -181,3 +181,18 @@ def test_a_stale_file_is_told_and_not_used(tmp_path):
     keeper.before(2 * SECOND)
     assert localizer.state.pose_filter.belief is None
     assert 'state.max_age' in told[0]
+
+
+def test_a_parked_vehicle_writes_four_times_in_the_age_that_a_file_may_have(tmp_path):
+    path, clock = tmp_path / 'state.json', [1000.0]
+    localizer = Localizer(cells(), Parameters.from_dict({'state_file': str(path)}))
+    keeper, written = StateKeeper(localizer, pytest.fail, wall=lambda: clock[0]), set()
+    for second in range(60):
+        clock[0] = 1000.0 + second
+        pose = Pose2(8.0, 9.0 + 1e-3 * (second % 2), 0.0)
+        keeper.after(Estimate(second * SECOND, Status.TRACKING, '', pose, np.eye(3) * 1e-4))
+        written.add(path.read_bytes())
+    assert len(written) == 4
+    clock[0] += 1.0
+    keeper.after(Estimate(60 * SECOND, Status.TRACKING, '', Pose2(9.0, 9.0, 0.0), np.eye(3)))
+    assert path.read_bytes() not in written

@@ -16,7 +16,8 @@ from typing import Any
 from gip_localizer.evaluation.metrics import status_word
 from gip_localizer.evaluation.run import FrameResult, Run
 from gip_localizer.io.bags.writer import BagWriter, make, make_header, make_pose
-from gip_localizer.io.messages import full_covariance
+from gip_localizer.parameters import Parameters
+from gip_localizer.session.attitude import AttitudeSource
 
 POSE, POSE_WITH_COVARIANCE, DIAGNOSTICS = '/pose', '/pose_with_covariance', '/diagnostics'
 TOPICS = {
@@ -45,25 +46,25 @@ def write_published(path: Path, run: Run) -> None:
     folder = path.with_suffix('')
     with BagWriter(folder, TOPICS) as bag:
         for estimate in run.estimates:
-            _write_frame(bag, estimate, run.parameters.frames.map)
+            _write_frame(bag, estimate, run.parameters)
     (folder / path.name).replace(path)
     (folder / 'metadata.yaml').unlink()
     folder.rmdir()
 
 
-def _write_frame(bag: BagWriter, estimate: FrameResult, frame_id: str) -> None:
+def _write_frame(bag: BagWriter, estimate: FrameResult, parameters: Parameters) -> None:
     stamp = estimate.stamp_ns
     log_ns = max(stamp, 0)  # a bag cannot hold times before 1970, which a wrong clock gives
     bag.write(DIAGNOSTICS, log_ns, _diagnostics(estimate))
     if estimate.pose is None:
         return
-    header, pose = make_header(stamp, frame_id), make_pose(estimate.pose)
+    header, pose = make_header(stamp, parameters.frames.map), make_pose(estimate.pose)
     bag.write(POSE, log_ns, make('geometry_msgs/msg/PoseStamped', header=header, pose=pose))
     if estimate.covariance is None:
         return
     with_covariance = make(
         'geometry_msgs/msg/PoseWithCovariance', pose=pose,
-        covariance=full_covariance(estimate.covariance),
+        covariance=AttitudeSource(parameters.attitude).covariance(estimate.covariance),
     )
     bag.write(POSE_WITH_COVARIANCE, log_ns, make(
         'geometry_msgs/msg/PoseWithCovarianceStamped', header=header, pose=with_covariance,

@@ -41,6 +41,7 @@ from gip_localizer.session.dispatch import (
     MASK,
     ODOMETRY,
 )
+from gip_localizer.session.input_checks import rectified_warning
 
 COMPRESSED = IMAGES[1]
 
@@ -82,7 +83,10 @@ class Replay:
         )
         self._worst = WorstFrames(self.truth, self.raster_map)
         self._warnings: dict[str, tuple[int, str]] = {}
-        self._notes: list[str] = []
+        doubt = rectified_warning(
+            self.topics.image.name, rectified=self.parameters.camera.rectified
+        )
+        self._notes: list[str] = [doubt] if doubt else []
         self._seconds = 0.0
         self._complete = False
 

@@ -110,10 +110,20 @@ def _rows(message: Any, bytes_per_pixel: int) -> Grey:
     if data.size < needed:
         raise ImageError(
             f'image holds {data.size} bytes; {height} rows of step {step} take {needed}'
+            + _suspicion(bytes(data[:8]))
         )
     if data.size < step * height:
         data = np.concatenate([data, np.zeros(step * height - data.size, np.uint8)])
     return data[: step * height].reshape(height, step)[:, :row]
+
+
+def _suspicion(begin: bytes) -> str:
+    """Say what too few bytes may be: some drivers put a compressed picture into an Image."""
+    for kind, signature in (('JPEG', b'\xff\xd8\xff'), ('PNG', b'\x89PNG')):
+        if begin.startswith(signature):
+            return (f'; they begin like a {kind} file: publish them as '
+                    'sensor_msgs/CompressedImage, and set image_transport: compressed')
+    return ''
 
 
 def _chroma_rows(encoding: str, height: int) -> int:

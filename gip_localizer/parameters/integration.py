@@ -35,6 +35,21 @@ class InitialPose:
 
 
 @dataclass(frozen=True)
+class Attitude:
+    """z, roll and pitch of the published poses, which are not estimated."""
+
+    source: str = p('parameter', 'Where they come from: the parameters below, the last '
+                    'initialpose or the last odometry (each as its message has them).',
+                    choices=('parameter', 'initialpose', 'odom'))
+    z: float = p(0.0, 'Height of frames.base in the map frame.', unit='m', low=-1e4, high=1e4)
+    roll: float = p(0.0, 'Roll of the road.', unit='rad', low=-0.8, high=0.8)
+    pitch: float = p(0.0, 'Pitch of the road.', unit='rad', low=-0.8, high=0.8)
+    sigma_z: float = p(1000.0, 'Standard deviation of z in pose_with_covariance: so large that no '
+                       'filter follows it.', unit='m', low=1e-3, high=1e6)
+    sigma_tilt: float = p(10.0, 'The same of roll and of pitch.', unit='rad', low=1e-4, high=1e3)
+
+
+@dataclass(frozen=True)
 class Transforms:
     """What the node says on /tf; where tf2_msgs is not installed it says that it cannot."""
 

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from gip_localizer.errors import ParameterError
 from gip_localizer.parameters.integration import (
+    Attitude,
     Diagnostics,
     Frames,
     InitialPose,
@@ -211,6 +212,7 @@ class Parameters(ParameterGroup):
     camera_motion: CameraMotion = group(CameraMotion)
     integrity: Integrity = group(Integrity)
     recovery: Recovery = group(Recovery)
+    attitude: Attitude = group(Attitude)
     tf: Transforms = group(Transforms)
     state: State = group(State)
     diagnostics: Diagnostics = group(Diagnostics)

@@ -25,10 +25,12 @@ from gip_localizer.core.camera.calibration import Calibration
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.map.resampling import scaled
 from gip_localizer.core.pose import Pose2
-from gip_localizer.io.messages import full_covariance, quaternion_of_yaw
+from gip_localizer.io.messages import full_covariance
+from gip_localizer.session.attitude import Tilt
 from gip_localizer.synthetic.wheel_odometry import OdometryReading
 
 NS = 1_000_000_000
+LEVEL = Tilt()
 MAX_GRID_CELLS = 4_000_000
 """A larger map is shown with coarser cells in RViz."""
 STRIP_ROWS = 64
@@ -46,46 +48,37 @@ def header_of(stamp_ns: int, frame: str) -> Header:
     return Header(stamp=time_of(stamp_ns), frame_id=frame)
 
 
-def pose_of(pose: Pose2) -> Pose:
-    """Return a planar pose, on z = 0."""
+def pose_of(pose: Pose2, tilt: Tilt = LEVEL) -> Pose:
+    """Return a planar pose, on z = 0 and level unless told otherwise."""
     message = Pose()
-    message.position.x, message.position.y = float(pose.x), float(pose.y)
-    orientation = message.orientation
-    orientation.x, orientation.y, orientation.z, orientation.w = quaternion_of_yaw(pose.yaw)
+    at, orientation = message.position, message.orientation
+    at.x, at.y, at.z = float(pose.x), float(pose.y), tilt.z
+    orientation.x, orientation.y, orientation.z, orientation.w = tilt.quaternion(pose.yaw)
     return message
 
 
-def pose_stamped(stamp_ns: int, frame: str, pose: Pose2) -> PoseStamped:
-    """Return a planar pose with its header."""
-    return PoseStamped(header=header_of(stamp_ns, frame), pose=pose_of(pose))
+def pose_stamped(stamp_ns: int, frame: str, pose: Pose2, tilt: Tilt = LEVEL) -> PoseStamped:
+    """Return a pose with its header."""
+    return PoseStamped(header=header_of(stamp_ns, frame), pose=pose_of(pose, tilt))
 
 
 def pose_with_covariance(
-    stamp_ns: int, frame: str, pose: Pose2, covariance: NDArray[np.floating]
+    posed: PoseStamped, covariance: NDArray[np.floating]
 ) -> PoseWithCovarianceStamped:
     """
-    Return a planar pose with its uncertainty.
+    Return a pose with its uncertainty.
 
     Parameters
     ----------
-    stamp_ns : int
-        Nanoseconds since the epoch.
-    frame : str
-        Frame of the pose and of the covariance.
-    pose : Pose2
-        Metres and radians.
-    covariance : (3, 3) float64
-        Of x, y [m] and yaw [rad].
-
-    Returns
-    -------
-    PoseWithCovarianceStamped
-        x, y and yaw filled; z, roll and pitch are independent, with fixed variances.
+    posed : PoseStamped
+        Header and pose.
+    covariance : (36,) float64
+        Row-major, of x, y, z [m], roll, pitch, yaw [rad].
 
     """
-    message = PoseWithCovarianceStamped(header=header_of(stamp_ns, frame))
-    message.pose.pose = pose_of(pose)
-    message.pose.covariance = full_covariance(covariance)
+    message = PoseWithCovarianceStamped(header=posed.header)
+    message.pose.pose = posed.pose
+    message.pose.covariance = covariance
     return message
 
 

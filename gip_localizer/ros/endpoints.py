@@ -4,16 +4,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
 import copy
 import time
 from typing import Any, TypeVar
 
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
+from rclpy.qos import (
+    DurabilityPolicy,
+    qos_check_compatible,
+    QoSCompatibility,
+    QoSPolicyKind,
+    QoSProfile,
+)
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
@@ -24,15 +32,23 @@ ACKNOWLEDGED = 1.0
 """Longest time (s) that a reliable reader is waited for."""
 UNACKNOWLEDGED = 2.0
 """Time (s) for best-effort readers: a busy machine gives each process its turn within it."""
+POLICIES = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
+            QoSPolicyKind.DURABILITY)
+"""Of the quality of service that parameters override."""
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+DISCOVERED = 0.5
+"""Seconds between two looks for publishers that latch."""
+SEEN = 10
+"""Messages that are remembered: two subscriptions hear the same one soon after each other."""
 KINDS = ('publisher', 'subscription', 'service', 'timer')
 
 
 def listen(
-    node: Node, kind: type[Any], topic: str, use: Callable[[Any], None], qos: QoSProfile, *,
+    node: Node, kind: type[Any], topic: str, use: Callable[..., None], qos: QoSProfile, *,
     raw: bool = False,
 ) -> Subscription:
     """
-    Subscribe, with `qos_overrides./TOPIC.subscription.{history,depth,reliability}` over `qos`.
+    Subscribe, with `qos_overrides./TOPIC.subscription.{POLICY}` over `qos`.
 
     With `raw`, messages come as serialized bytes.
 
@@ -47,9 +63,56 @@ def listen(
     ))  # fmt: skip
 
 
+def listen_to_latched(
+    node: Node, kind: type[Any], topic: str, use: Callable[[Any], None], qos: QoSProfile
+) -> None:
+    """
+    Subscribe likewise, and hear what was latched before this node came.
+
+    A transient-local subscription hears no volatile publisher, and both sides log that; a volatile
+    one hears both, from now on. So the former is made as soon as a transient-local publisher is
+    there, and what is sent to both subscriptions is used once.
+
+    """
+    seen: deque[int] = deque(maxlen=SEEN)
+
+    def take(message: Any, info: Mapping[str, int]) -> None:
+        if info['source_timestamp'] not in seen:
+            seen.append(info['source_timestamp'])
+            use(message)
+
+    listen(node, kind, topic, take, qos)
+    name = node.resolve_topic_name(topic)
+
+    def look() -> None:
+        found = (one.qos_profile.durability for one in node.get_publishers_info_by_topic(name))
+        if DurabilityPolicy.TRANSIENT_LOCAL in found:
+            node.destroy_timer(timer)
+            node.create_subscription(kind, topic, take, LATCHED)
+
+    timer = node.create_timer(DISCOVERED, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+def publishers_of(node: Node, topic: str, qos: QoSProfile) -> str:
+    """Return a topic's name as it was resolved, and why none of its publishers may be heard."""
+    resolved = node.resolve_topic_name(topic)
+    found = node.get_publishers_info_by_topic(resolved)
+    if not found:
+        return f'nothing publishes {resolved}; is the topic remapped?'
+    heard = [qos_check_compatible(one.qos_profile, qos)[0] != QoSCompatibility.ERROR
+             for one in found]
+    count = f'{len(found)} publisher{"s" if len(found) > 1 else ""} of {resolved}'
+    if not any(heard):
+        offered = {f'{one.qos_profile.reliability.name.lower()}, '
+                   f'{one.qos_profile.durability.name.lower()}' for one in found}
+        return (f'{count}, none compatible: offered {" and ".join(sorted(offered))}, asked for '
+                f'{qos.reliability.name.lower()}, {qos.durability.name.lower()}')
+    return f'{count}, {"none sends" if len(found) > 1 else "which sends nothing"}'
+
+
 def advertise(node: Node, kind: type[Any], topic: str, qos: QoSProfile) -> Publisher:
     """
-    Advertise, with `qos_overrides./TOPIC.publisher.{history,depth,reliability}` over `qos`.
+    Advertise, with `qos_overrides./TOPIC.publisher.{POLICY}` over `qos`.
 
     Raises
     ------
@@ -64,11 +127,12 @@ def advertise(node: Node, kind: type[Any], topic: str, qos: QoSProfile) -> Publi
 
 def _overridable(topic: str, make: Callable[[QoSOverridingOptions], Made]) -> Made:
     try:
-        return make(QoSOverridingOptions.with_default_policies())
+        return make(QoSOverridingOptions(POLICIES))
     except (ParameterException, RuntimeError, ValueError) as error:
         raise ParameterError(
             f'parameters qos_overrides of the topic {topic}: {error}; expected history keep_last '
-            'or keep_all, depth an integer, reliability best_effort or reliable'
+            'or keep_all, depth an integer, reliability best_effort or reliable, durability '
+            'volatile or transient_local'
         ) from None
 
 

@@ -53,8 +53,10 @@ class ManagedLocalizerNode(LifecycleNode):
         super().__init__(NAME)
         [service] = [one for one in self.services if one.srv_name.endswith('/change_state')]
         self._change_state, service.callback = service.callback, self._on_change_state
-        self._live = LiveParameters(self, Parameters, self._retune)
         self._running: Localization | None = None
+        self._live = LiveParameters(
+            self, Parameters, self._retune, fixed=lambda: self._running is not None
+        )
 
     def _on_change_state(self, request: Any, response: Any) -> Any:
         """Refuse a transition that the state does not have; rclpy 7.1 would end the process."""

@@ -11,6 +11,7 @@ is the tree replaced, between two frames, so that no half-applied state exists.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 import difflib
 import sys
 from typing import Generic, TypeVar
@@ -30,6 +31,8 @@ from gip_localizer.parameters.spec import ParameterGroup, Spec
 
 Tree = TypeVar('Tree', bound=ParameterGroup)
 LARGEST_INTEGER = 2**53
+OF_THE_PROCESS = ('lifecycle',)
+"""Read-only in every state: the kind of the node follows from it."""
 QOS = 'qos_overrides.'
 """Declared when the topics are made."""
 
@@ -46,6 +49,9 @@ class LiveParameters(Generic[Tree]):
         The tree; its specs give types, ranges, units and meanings.
     on_change : callable or None
         Called with the new tree after a change was taken.
+    fixed : callable or None
+        Whether read-only parameters are in use now; None: always. A managed node that could not
+        be configured is repaired by setting them.
 
     Raises
     ------
@@ -55,18 +61,31 @@ class LiveParameters(Generic[Tree]):
     """
 
     def __init__(
-        self, node: Node, kind: type[Tree], on_change: Callable[[Tree], None] | None = None
+        self, node: Node, kind: type[Tree], on_change: Callable[[Tree], None] | None = None,
+        fixed: Callable[[], bool] | None = None,
     ) -> None:
-        self._on_change = on_change
+        self._on_change, self._fixed = on_change, fixed
         self._names = frozenset(spec.name for spec in kind.specs())
-        self.value: Tree = kind.from_dict({s.name: _declare(node, s) for s in kind.specs()})
+        self._settled = frozenset(spec.name for spec in kind.specs() if spec.read_only)
+        specs = kind.specs() if fixed is None else [
+            replace(spec, read_only=spec.name in OF_THE_PROCESS) for spec in kind.specs()
+        ]
+        self.value: Tree = kind.from_dict({spec.name: _declare(node, spec) for spec in specs})
         _warn_of_unknown_names(node, self._names)
         node.add_on_set_parameters_callback(self._judge)
         node.add_post_set_parameters_callback(self._swap)
 
     def _judge(self, changes: Sequence[Parameter]) -> SetParametersResult:
+        before, ours = self.value.to_dict(), self._ours(changes)
+        if self._fixed is not None and self._fixed():
+            for name in self._settled.intersection(ours):
+                if ours[name] != before[name]:
+                    return SetParametersResult(successful=False, reason=(
+                        f'parameter {name}: cannot change while the node is configured; '
+                        'clean it up first'
+                    ))  # fmt: skip
         try:
-            self.value.replace(self._ours(changes))
+            self.value.replace(ours)
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

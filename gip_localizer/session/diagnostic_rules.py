@@ -113,6 +113,8 @@ CALIBRATION = DiagnosticGroup('calibration', (
     Rule('NO_CAMERA_INFO_YET', W, 'no camera_info has come since the start'),
     Rule('CAMERA_INFO_REFUSED', W, 'the last camera_info cannot be used; the one before holds',
          withheld=False),
+    Rule('RECTIFIED_DIFFERS', W, 'the name of the image topic says rectified and camera.rectified '
+         'does not, or the reverse', withheld=False),
     Rule('NO_CAMERA_TF', E, 'camera.from_tf is set, and the transform is not known'),
 ), {
     'camera_infos': ('', 'messages that came'),
@@ -131,7 +133,8 @@ MAP = DiagnosticGroup('map', (
 PRIOR = DiagnosticGroup('prior', (
     Rule(Status.NO_PRIOR, W, 'no initialpose, initial_pose.* or relocalize so far'),
     Rule('INITIALPOSE_REFUSED', W, 'the last initialpose is of another frame, not finite or off '
-         'the map (told for 10 s); the belief stays', withheld=False),
+         'the map (until a usable one comes, for 10 s at least); the belief stays',
+         withheld=False),
     Rule('STATE_REFUSED', W, 'state_file is of another map, too old or damaged (told for 10 s)',
          withheld=False),
 ), {

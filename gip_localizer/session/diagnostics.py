@@ -26,7 +26,9 @@ REMEMBERED = 10.0
 RECENT = 100
 """Frames over which times are summed up."""
 AGES = {'image': 'image_age', 'odom': 'odometry_age', 'pose': 'pose_age'}
-COMPLAINTS = {'odom': 'ODOMETRY_REFUSED', 'initialpose': 'INITIALPOSE_REFUSED'}
+PASSING = {'odom': 'ODOMETRY_REFUSED', 'initialpose': 'INITIALPOSE_REFUSED'}
+LASTING = {'camera_info': 'CAMERA_INFO_REFUSED', 'initialpose': 'INITIALPOSE_REFUSED'}
+"""Role → the rule of a refused message: said for `REMEMBERED`, and until a good one comes."""
 COUNTED = {
     'image': ('', 'images_refused'), 'camera_info': ('camera_infos', 'camera_infos_refused'),
     'mask': ('masks', 'masks_refused'), 'odom': ('odometries', 'odometries_refused'),
@@ -79,6 +81,8 @@ class HealthMonitor:
         Images that a newer one with its mask overtook.
     searching : bool
         The frame in work is searched for on the whole map.
+    waited_for : callable
+        Takes `image` or `camera_info`; returns the topic's name and who publishes on it.
 
     """
 
@@ -94,6 +98,7 @@ class HealthMonitor:
     warnings: dict[str, str] = field(default_factory=dict)
     overtaken: int = 0
     searching: bool = False
+    waited_for: Callable[[str], str] = 'is {} remapped?'.format
     frames: int = 0
     published: int = 0
     _at: dict[str, float] = field(default_factory=dict)
@@ -117,8 +122,11 @@ class HealthMonitor:
             self._stamps.clear()
         self.frames += 1
         self._at['image'] = self.steady()
+        if stamp_ns == 0:  # never stamped, which the estimate says
+            return
         self._stamps.append(stamp_ns)
-        self._delay = (clock_ns - stamp_ns) * 1e-9
+        # A simulated clock shows 0 until the first message on /clock.
+        self._delay = (clock_ns - stamp_ns) * 1e-9 if clock_ns else 0.0
 
     def odometry_came(self) -> None:
         """Note an odometry message."""
@@ -150,7 +158,7 @@ class HealthMonitor:
 
     def hear(self, complaints: Mapping[str, str], counts: Mapping[str, int]) -> None:
         """Note what is wrong with the last messages, and how many came, by topic."""
-        for topic, rule in COMPLAINTS.items():
+        for topic, rule in PASSING.items():
             refused = f'{topic}_refused'
             if topic in complaints and counts.get(refused) != self._counts.get(refused):
                 self.happened(rule, complaints[topic])
@@ -182,8 +190,8 @@ class HealthMonitor:
             if now - since < REMEMBERED
         } | self.lasting | self.warnings  # fmt: skip
         active |= self._silences() | self._stamp_faults()
-        if 'camera_info' in self._complaints:
-            active['CAMERA_INFO_REFUSED'] = self._complaints['camera_info']
+        active |= {rule: self._complaints[role] for role, rule in LASTING.items()
+                   if role in self._complaints}
         if self.estimate is not None and self.estimate.status is not Status.TRACKING:
             active[str(self.estimate.status)] = self.estimate.reason
         if self.searching:
@@ -198,15 +206,15 @@ class HealthMonitor:
         silent = {what: self._silent_since(at) for what, at in self._at.items()}
         image_age, odom_age = silent.get('image'), silent.get('odom')
         if image_age is None:
-            found['NO_IMAGE_YET'] = 'is the camera on, is the topic remapped?'
+            found['NO_IMAGE_YET'] = self.waited_for('image')
         elif image_age > limits.camera_timeout:
-            found['NO_IMAGE'] = f'for {image_age:.1f} s'
+            found['NO_IMAGE'] = f'for {image_age:.1f} s; {self.waited_for("image")}'
         if self.simulated and self._clock is not None:
             still = self._silent_since(self._clock[1])
             if still > limits.camera_timeout:
                 found['CLOCK_STOPPED'] = f'for {still:.1f} s; is /clock published?'
         if not self._counts.get('camera_info'):
-            found['NO_CAMERA_INFO_YET'] = 'is the topic remapped?'
+            found['NO_CAMERA_INFO_YET'] = self.waited_for('camera_info')
         if odom_age is not None and odom_age > limits.odometry_timeout:
             found['ODOMETRY_STALE'] = f'none for {odom_age:.1f} s'
         return found

@@ -22,6 +22,7 @@ from gip_localizer.core.guard import fault_of, run_guarded
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.io.messages import stamp_ns
 from gip_localizer.parameters import Parameters
+from gip_localizer.session.attitude import AttitudeSource
 from gip_localizer.session.camera_mount import CameraMount, placed
 from gip_localizer.session.frontend import Frontend
 from gip_localizer.session.mask_sync import Masked, MaskPairing
@@ -78,6 +79,8 @@ class Dispatch:
     ----------
     frontend : Frontend
         Decodes the messages and holds the localizer.
+    attitude : AttitudeSource
+        z, roll and pitch of the poses.
     mount : CameraMount or None
         Where TF has the camera, once `follow_transforms` was called.
     first_complaints : dict
@@ -90,6 +93,7 @@ class Dispatch:
         compressed: bool = False,
     ) -> None:
         self.frontend = Frontend(raster_map, parameters)
+        self.attitude = AttitudeSource(parameters.attitude)
         self.mount: CameraMount | None = None
         self.first_complaints: dict[str, str] = {}
         self._parameters = parameters
@@ -98,7 +102,7 @@ class Dispatch:
         decode = self.frontend.on_compressed_image if compressed else self.frontend.on_image
         self._decode: Callable[[Any, Masked | None], Estimate] = decode
         self._others: dict[str, Callable[[Any], None]] = {
-            CAMERA_INFO: self._take_camera_info, ODOMETRY: self.frontend.on_odometry,
+            CAMERA_INFO: self._take_camera_info, ODOMETRY: self._take_odometry,
             INITIAL_POSE: self._take_initial_pose,
         }
         self._pairing: MaskPairing | None = None
@@ -119,6 +123,7 @@ class Dispatch:
         self._parameters = parameters
         known = None if self.mount is None else self.mount.known
         self.frontend.configure(placed(parameters, known))
+        self.attitude.settings = parameters.attitude
 
     def relocalize(self) -> None:
         """Search the whole map at the next frame; a restored pose is not used any more."""
@@ -213,9 +218,15 @@ class Dispatch:
             self.mount.seen_in(str(message.header.frame_id))
         self.frontend.on_camera_info(message)
 
+    def _take_odometry(self, message: Any) -> None:
+        self.frontend.on_odometry(message)
+        if ODOMETRY not in self.frontend.complaints:
+            self.attitude.hear(ODOMETRY, message.pose.pose)
+
     def _take_initial_pose(self, message: Any) -> None:
         self.frontend.on_initial_pose(message)
         if INITIAL_POSE not in self.frontend.complaints:
+            self.attitude.hear(INITIAL_POSE, message.pose.pose)
             self._forget_restored()
 
     def _forget_restored(self) -> None:

@@ -14,8 +14,6 @@ from collections.abc import Callable
 import contextlib
 from typing import Any
 
-import numpy as np
-
 from gip_localizer.core.arrays import Grey
 from gip_localizer.core.camera.calibration import Calibration
 from gip_localizer.core.camera.model import CameraModel
@@ -27,9 +25,15 @@ from gip_localizer.io import messages
 from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.map_files import load_mask
 from gip_localizer.parameters import Parameters
+from gip_localizer.session.initial_pose import prior_of
 from gip_localizer.session.input_checks import odometry_warnings, RepeatedImages, TOLD_AFTER
 from gip_localizer.session.mask_sync import Masked
 from gip_localizer.session.masks import both, fitting, mask_image, MaskError
+
+UNSTAMPED = (
+    'images are not stamped: header.stamp is 0; the camera driver must set it to the time of '
+    'exposure'
+)
 
 
 class Frontend:
@@ -147,19 +151,7 @@ class Frontend:
             self.complaints.pop('initialpose', None)
 
     def _set_prior(self, message: Any) -> None:
-        frame, expected = str(message.header.frame_id), self.parameters.frames.map
-        if frame.lstrip('/') != expected.lstrip('/'):
-            raise messages.PoseMessageError(
-                f'initialpose is in frame {frame!r}; expected {expected!r}'
-            )
-        pose = messages.planar_pose(message.pose.pose)
-        if not bool(self.localizer.raster_map.contains(np.array([pose.x, pose.y]))):
-            low_x, low_y, high_x, high_y = self.localizer.raster_map.bounds
-            raise messages.PoseMessageError(
-                f'initialpose ({pose.x:.1f}, {pose.y:.1f}) is outside the map '
-                f'(x {low_x:.1f} to {high_x:.1f}, y {low_y:.1f} to {high_y:.1f})'
-            )
-        covariance = messages.planar_covariance(message.pose.covariance)
+        pose, covariance = prior_of(message, self.parameters, self.localizer.raster_map)
         self.localizer.set_prior(messages.stamp_ns(message.header), pose, covariance)
 
     def on_image(self, message: Any, masked: Masked | None = None) -> Estimate:
@@ -177,6 +169,9 @@ class Frontend:
         self.warnings, self.image = {}, None
         self.camera_frame = str(message.header.frame_id)
         stamp = messages.stamp_ns(message.header)
+        if stamp == 0:
+            self._refuse('image')
+            return Estimate(stamp, Status.BAD_IMAGE, UNSTAMPED)
         if self._calibration is None:
             wrong = self.complaints.get('camera_info', 'no camera_info received yet')
             return Estimate(stamp, Status.NO_CALIBRATION, wrong)

@@ -98,3 +98,15 @@ def odometry_warnings(stamp_ns: int, pose_filter: PoseFilter) -> dict[str, str]:
 
 def _span(seconds: float) -> str:
     return f'{seconds / 86400.0:.1f} days' if seconds > 86400.0 else f'{seconds:.3f} s'
+
+
+def rectified_warning(topic: str, *, rectified: bool) -> str:
+    """Say where a topic's name (as image_proc gives it) contradicts `camera.rectified`."""
+    name = topic.removesuffix('/compressed').rsplit('/', 1)[-1]
+    if 'rect' in name.split('_') and not rectified:
+        return (f'{topic} sounds rectified, and camera.rectified is false: the distortion would '
+                'be taken out twice; set camera.rectified: true')
+    if name == 'image_raw' and rectified:
+        return (f'{topic} sounds raw, and camera.rectified is true: distortion would be left in; '
+                'set camera.rectified: false')
+    return ''

@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 import os
 from pathlib import Path
 import time
 
 from gip_localizer.core.estimate import Estimate
 from gip_localizer.core.localizer import Localizer
-from gip_localizer.core.pose import Pose2
+from gip_localizer.core.pose import Pose2, wrap_angle
 from gip_localizer.errors import GipError
 from gip_localizer.parameters import Parameters
 from gip_localizer.session.pose_file import LastPose, load_state, map_hash, save_state, StateError
@@ -20,6 +21,11 @@ WAITED_NS = 1_000_000_000
 """How long the first frames wait for odometry, by their stamps."""
 SPEED_STEP = 2.0
 """Longest time (s) between two poses that still tell a speed."""
+
+PARKED_XY, PARKED_YAW = 0.05, 0.01
+"""Metres and radians that a parked vehicle's poses stay within (chosen: some cells' jitter)."""
+PARKED_SHARE = 0.25
+"""Of `state.max_age`, between two writings while parked: the file never grows too old."""
 
 
 class StateKeeper:
@@ -47,6 +53,7 @@ class StateKeeper:
         self._wall = wall
         self._path = Path(parameters.state_file) if parameters.state_file else None
         self._written = float('-inf')
+        self._kept: Pose2 | None = None
         self._speed = 0.0
         self._last: tuple[int, Pose2] | None = None
         self._waiting_since: int | None = None
@@ -95,8 +102,9 @@ class StateKeeper:
             return
         self._learn_speed(estimate.stamp_ns, estimate.pose)
         now, parameters = self._wall(), self._localizer.parameters
-        if 0.0 <= now - self._written < parameters.state.period:
+        if 0.0 <= now - self._written < self._period(estimate.pose):
             return
+        self._kept = estimate.pose
         self._written = now
         odometry = self._odometry(estimate.stamp_ns)
         try:
@@ -104,6 +112,15 @@ class StateKeeper:
                                           odometry))
         except StateError as error:
             self._tell(str(error))
+
+    def _period(self, pose: Pose2) -> float:
+        """Return how long a written pose serves: longer while the vehicle is parked."""
+        state = self._localizer.parameters.state
+        moved = self._kept is None or max(
+            math.hypot(pose.x - self._kept.x, pose.y - self._kept.y) / PARKED_XY,
+            abs(wrap_angle(pose.yaw - self._kept.yaw)) / PARKED_YAW,
+        ) > 1.0
+        return state.period if moved else max(state.period, PARKED_SHARE * state.max_age)
 
     def _learn_speed(self, stamp_ns: int, pose: Pose2) -> None:
         if self._last is not None:

@@ -132,10 +132,19 @@ class CameraModel:
             raise CalibrationError(
                 f'the image is {width}x{height}, its CameraInfo is for '
                 f'{self.width}x{self.height}; publish the CameraInfo of this camera and mode'
+                + self._binned_twice(width, height)
             )
         other = CameraModel(self.calibration, self.extrinsics, rectified=self.rectified)
         other.width, other.height = width, height
         return other
+
+    def _binned_twice(self, width: int, height: int) -> str:
+        """Say so where the image has the size that CameraInfo states before its binning."""
+        stated, binned = self.calibration, self.calibration.binning
+        if max(binned) == 1 or (width, height) != (stated.width, stated.height):
+            return ''
+        return (f'; it is the size before binning {binned[0]}x{binned[1]}: CameraInfo states the '
+                'size of the full sensor, or binning 1')
 
     @cached_property
     def H_image_road(self) -> Floats:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import re
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
@@ -13,6 +14,15 @@ from std_msgs.msg import Header
 
 from gip_localizer.session.diagnostic_rules import Severity
 from gip_localizer.session.diagnostics import HealthMonitor, Report
+
+CHANGES = 0.2
+"""Least seconds between two publications because of a change."""
+REPEATED = 30.0
+"""Least seconds between two lines of the log about the same state of a group."""
+MOST_STATES = 1000
+"""States whose times are remembered; messages hold what others sent."""
+NUMBER = re.compile(r'[-+]?[0-9][0-9.e+-]*')
+"""What changes in the message of a state that stays the same."""
 
 
 class DiagnosticsPublisher:
@@ -35,9 +45,14 @@ class DiagnosticsPublisher:
             DiagnosticArray, '/diagnostics', QoSProfile(depth=10)
         )
         self._told: dict[str, str] = {}
+        self._told_at = float('-inf')
+        self._logged: dict[str, str] = {}
+        self._logged_at: dict[tuple[str, str], float] = {}
 
     def tell_changes(self) -> None:
-        """Publish if another rule holds than before."""
+        """Publish if another rule holds than before, but not at every frame of a flapping one."""
+        if self._health.steady() - self._told_at < CHANGES:
+            return
         reports = self._health.reports()
         if _rules(reports) != self._told:
             self._publish(reports)
@@ -52,14 +67,23 @@ class DiagnosticsPublisher:
             header=Header(stamp=self._node.get_clock().now().to_msg()),
             status=[_status(name, report) for report in reports],
         ))  # fmt: skip
-        rules = _rules(reports)
+        self._told, self._told_at = _rules(reports), self._health.steady()
         for report in reports:
-            if rules[report.group.name] != self._told.get(report.group.name, ''):
-                self._log(report)
-        self._told = rules
+            self._log(report)
 
     def _log(self, report: Report) -> None:
-        text = f'{report.group.name}: {report.message}'
+        """Log a state that is not the last one logged, each at most once in `REPEATED`."""
+        group, now = report.group.name, self._health.steady()
+        said = NUMBER.sub('', report.message) if report.rules else 'OK'
+        if said == self._logged.get(group, 'OK'):
+            return
+        if now - self._logged_at.get((group, said), float('-inf')) < REPEATED:
+            return
+        if len(self._logged_at) > MOST_STATES:
+            self._logged_at.clear()
+        self._logged[group] = said
+        self._logged_at[group, said] = now
+        text = f'{group}: {report.message}'
         # rclpy ties a severity to the line that logs.
         if report.level is Severity.OK:
             self._node.get_logger().info(text)

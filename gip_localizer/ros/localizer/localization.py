@@ -33,6 +33,7 @@ from gip_localizer.ros.localizer.worker import Worker
 from gip_localizer.ros.parameters import warn_of_unknown_qos
 from gip_localizer.session.diagnostics import HealthMonitor
 from gip_localizer.session.dispatch import Dispatch, Frame, IMAGE, MASK, ODOMETRY
+from gip_localizer.session.input_checks import rectified_warning
 from gip_localizer.session.pose_file import map_hash
 
 LOOK = 0.2
@@ -91,6 +92,10 @@ class Localization:
                 partial(mount.take, message.transforms)
             ))  # fmt: skip
         self._inputs = Inputs(node, self._parameters, self._take, self._take_overdue)
+        self._health.waited_for = self._inputs.waited_for
+        self._lasts('RECTIFIED_DIFFERS', rectified_warning(
+            self._inputs.image_topic, rectified=self._parameters.camera.rectified
+        ))
         node.create_service(Trigger, '~/relocalize', self._on_relocalize)
         node.create_service(SetBool, '~/enable', self._on_enable)
         warn_of_unknown_qos(node)
@@ -104,7 +109,7 @@ class Localization:
         rows, cols = raster_map.grey.shape
         self._node.get_logger().info(
             f'map {self._parameters.map_file}: {cols} x {rows} cells of '
-            f'{raster_map.resolution:g} m; waiting for {self._node.resolve_topic_name("image")}'
+            f'{raster_map.resolution:g} m; waiting for {self._inputs.image_topic}'
         )
 
     def configure(self, parameters: Parameters) -> None:
@@ -173,7 +178,7 @@ class Localization:
         self._tell_changes()
 
     def _publish(self, estimate: Estimate, elapsed_ms: float) -> None:
-        self._outputs.publish(estimate, elapsed_ms)
+        self._outputs.publish(estimate, elapsed_ms, self._dispatch.attitude)
         self._publish_transform(estimate)
         self._outputs.publish_pictures(
             estimate, self._parameters.frames.base, self._dispatch.frontend
@@ -205,9 +210,13 @@ class Localization:
     def _hear(self) -> None:
         frontend, mount = self._dispatch.frontend, self._dispatch.mount
         self._health.hear(frontend.complaints, frontend.counts)
-        self._health.lasting.pop('NO_CAMERA_TF', None)
-        if mount is not None and mount.fault:
-            self._health.lasting['NO_CAMERA_TF'] = mount.fault
+        self._lasts('NO_CAMERA_TF', '' if mount is None else mount.fault)
+
+    def _lasts(self, rule: str, detail: str) -> None:
+        """Let a rule hold from now on; no more where there is no detail."""
+        self._health.lasting.pop(rule, None)
+        if detail:
+            self._health.lasting[rule] = detail
 
     def _look(self) -> None:
         """Notice silence soon; tell all once a second."""

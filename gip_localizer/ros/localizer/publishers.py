@@ -21,6 +21,7 @@ from gip_localizer.ros.conversions import (
     pose_with_covariance,
 )
 from gip_localizer.ros.endpoints import advertise
+from gip_localizer.session.attitude import AttitudeSource
 from gip_localizer.session.frontend import Frontend
 from gip_localizer.visualization.match_images import birdseye_picture, comparison_picture
 from gip_localizer.visualization.overlay import camera_overlay
@@ -62,14 +63,16 @@ class Outputs:
         self._map = advertise(node, OccupancyGrid, 'map', latched)
         self._map.publish(occupancy_grid(self._now_ns(), frame, raster_map))
 
-    def publish(self, estimate: Estimate, elapsed_ms: float) -> None:
+    def publish(self, estimate: Estimate, elapsed_ms: float, attitude: AttitudeSource) -> None:
         """Publish a pose, if the estimate holds one, and the figures of the frame."""
         if estimate.pose is not None and estimate.covariance is not None:
-            at = (estimate.stamp_ns, self._frame, estimate.pose)
-            self._pose.publish(pose_stamped(*at))
-            posed = pose_with_covariance(*at, estimate.covariance)
-            self._with_covariance.publish(posed)
-            self._last_pose.publish(posed)
+            posed = pose_stamped(
+                estimate.stamp_ns, self._frame, estimate.pose, attitude.tilt
+            )
+            self._pose.publish(posed)
+            certain = pose_with_covariance(posed, attitude.covariance(estimate.covariance))
+            self._with_covariance.publish(certain)
+            self._last_pose.publish(certain)
         self._execution.publish(Float64(data=elapsed_ms))
         for topic, name in FIGURES.items():
             if name in estimate.quality:

@@ -18,7 +18,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from gip_localizer.errors import ImageError
 from gip_localizer.parameters import Parameters
-from gip_localizer.ros.endpoints import listen
+from gip_localizer.ros.endpoints import listen, listen_to_latched, publishers_of
 from gip_localizer.session.dispatch import (
     CAMERA_INFO,
     IMAGE,
@@ -63,21 +63,34 @@ class Inputs:
     ) -> None:
         self._node, self._take = node, take
         # Before the image: of messages that wait, the executor takes them in this order.
-        listen(node, CameraInfo, 'camera_info', partial(take, CAMERA_INFO),
-               qos_profile_sensor_data)
+        listen_to_latched(node, CameraInfo, 'camera_info', partial(take, CAMERA_INFO),
+                          qos_profile_sensor_data)
         if parameters.mask.from_topic:
             qos = _camera_qos(parameters, depth=MASKS_KEPT)
             self._listen_for(Image, 'mask', MASK, qos)
             node.create_timer(LOOK, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        kind, topic = Image, 'image'
-        if parameters.image_transport == 'compressed':
-            kind, topic = CompressedImage, 'image/compressed'
-        self._listen_for(kind, topic, IMAGE, _camera_qos(parameters, depth=1))
+        compressed = parameters.image_transport == 'compressed'
+        topic = compressed_topic(node) if compressed else 'image'
+        qos = _camera_qos(parameters, depth=1)
+        self._listen_for(CompressedImage if compressed else Image, topic, IMAGE, qos)
+        self._awaited = {
+            IMAGE: (topic, qos), CAMERA_INFO: ('camera_info', qos_profile_sensor_data),
+        }
         self._odometry = listen(node, Odometry, 'odom', partial(take, ODOMETRY), QoSProfile(
             depth=ODOMETRY_KEPT, reliability=ReliabilityPolicy.BEST_EFFORT
         ))  # fmt: skip
-        listen(node, PoseWithCovarianceStamped, 'initialpose', partial(take, INITIAL_POSE),
-               QoSProfile(depth=1))
+        listen_to_latched(node, PoseWithCovarianceStamped, 'initialpose',
+                          partial(take, INITIAL_POSE), QoSProfile(depth=1))
+
+    @property
+    def image_topic(self) -> str:
+        """The topic of the images, with remappings applied."""
+        return self._node.resolve_topic_name(self._awaited[IMAGE][0])
+
+    def waited_for(self, role: str) -> str:
+        """Return who publishes what is waited for: IMAGE or CAMERA_INFO."""
+        topic, qos = self._awaited[role]
+        return publishers_of(self._node, topic, qos)
 
     def take_waiting_odometry(self) -> None:
         """Take what the executor has not come to yet: it may hand an image out first."""
@@ -102,6 +115,14 @@ class Inputs:
 
         image_of(serialize_message(kind()), kind.__name__)  # builds the types: 0.2 s, once
         listen(self._node, kind, topic, unpack, qos, raw=True)
+
+
+def compressed_topic(node: Node) -> str:
+    """Return where image_transport publishes: beside `image`, unless it is remapped by itself."""
+    own = 'image/compressed'
+    if node.resolve_topic_name(own) != node.resolve_topic_name(own, only_expand=True):
+        return own
+    return f'{node.resolve_topic_name("image")}/compressed'
 
 
 def _camera_qos(parameters: Parameters, depth: int) -> QoSProfile:

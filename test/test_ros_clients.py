@@ -1,0 +1,149 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What real clients send, and how: unset covariances, latched topics, unstamped images."""
+
+from __future__ import annotations
+
+from itertools import cycle
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from ros_scene import *  # noqa: F403 - fixtures and the world
+from ros_scene import (
+    assert_near,
+    camera_info,
+    frames,
+    initial_pose,
+    localized,
+    parameters,
+    send,
+    START,
+)  # fmt: skip
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+pytestmark = pytest.mark.ros
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+UNPOSED = {'initial_pose.set': False, 'recovery.automatic': False}
+
+
+@pytest.fixture
+def start(nodes, tester, map_file):
+    def begin(changes=None, remappings=(), known=True):
+        process = nodes.start('localizer', parameters(map_file, changes), remappings)
+        if known:
+            tester.until(tester.matched, 'the localizer to join', alive=process)
+        return process
+
+    return begin
+
+
+def lines(tmp_path):
+    return (tmp_path / 'localizer.log').read_text().splitlines()
+
+
+def test_an_initialpose_without_covariance_takes_the_parameters(start, tester, render, tmp_path):
+    process = start(UNPOSED)
+    unset = initial_pose(START)
+    unset.pose.covariance = np.zeros(36)
+    tester.initial.publish(unset)
+    tester.spin(0.3)
+    assert_near(localized(tester, frames(render(START)), process), START)
+    assert 'incompatible' not in (tmp_path / 'localizer.log').read_text()
+
+
+def test_what_was_latched_before_the_start_arrives(nodes, tester, map_file, render):
+    tester.create_publisher(CameraInfo, 'camera_info', LATCHED).publish(camera_info())
+    posed = tester.create_publisher(PoseWithCovarianceStamped, 'initialpose', LATCHED)
+    posed.publish(initial_pose(START))
+    process = nodes.start('localizer', parameters(map_file, UNPOSED))
+    tester.until(tester.matched, 'the localizer to join', alive=process)
+    images = frames(render(START))
+
+    def came():
+        tester.image.publish(next(images))
+        tester.spin(0.1)
+        return tester.poses
+
+    tester.until(came, 'a pose', alive=process)
+    assert_near(tester.poses[-1], START)
+    figures = {v.key: v.value for v in tester.status('prior').values}
+    assert figures['initialposes'] == '1'  # of two subscriptions, one uses it
+
+
+def test_the_compressed_topic_follows_the_image_and_is_named_with_its_publishers(
+    start, tester, tmp_path
+):
+    start({'image_transport': 'compressed', 'image_reliability': 'reliable'},
+          ['image:=/front/image_raw'], known=False)  # fmt: skip
+    topic = '/front/image_raw/compressed'
+    tester.until(lambda: tester.said('camera', f'nothing publishes {topic}'), 'the topic')
+    assert any(f'waiting for {topic}' in line for line in lines(tmp_path))
+    lossy = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    tester.create_publisher(CompressedImage, topic, lossy)
+    words = f'1 publisher of {topic}, none compatible: offered best_effort, volatile'
+    tester.until(lambda: tester.said('camera', words), 'why it is not heard')
+
+
+def test_images_that_are_never_stamped_give_no_pose_and_say_so(start, tester, render):
+    process = start()
+    [unstamped] = [next(frames(render(START), 0))]
+
+    def said():
+        send(tester, unstamped, process)
+        return tester.said('camera', 'BAD_IMAGE: images are not stamped')
+
+    tester.until(said, 'the reason', alive=process)
+    assert tester.poses == []
+    assert not tester.said('camera', 'LATE_FRAMES')
+
+
+def test_a_topic_that_sounds_rectified_is_doubted(start, tester, render):
+    process = start(None, ['image:=/front/image_rect'], known=False)
+    camera = tester.create_publisher(Image, '/front/image_rect', 10)
+    images = frames(render(START))
+
+    def said():
+        tester.info.publish(camera_info())
+        camera.publish(next(images))
+        tester.spin(0.1)
+        return tester.said('calibration', 'RECTIFIED_DIFFERS: /front/image_rect')
+
+    tester.until(said, 'the doubt', alive=process)
+
+
+def test_a_state_that_flaps_floods_neither_the_log_nor_the_diagnostics(
+    start, tester, render, tmp_path
+):
+    process = start()
+    good = render(START)
+    localized(tester, frames(good), process)
+    images = zip(frames(good, 1_800_000_000 * 10**9), cycle((False, True)), strict=False)
+    before, heard, began = len(lines(tmp_path)), len(tester.diagnostics), time.monotonic()
+    while time.monotonic() - began < 5.0:
+        image, black = next(images)
+        if black:
+            image.data = type(image.data)('B', bytes(len(image.data)))
+        send(tester, image, process)
+    assert len(lines(tmp_path)) - before <= 12
+    assert len(tester.diagnostics) - heard <= 5.0 * (time.monotonic() - began) + 2
+
+
+def test_z_and_tilt_are_those_of_the_initialpose_with_a_variance_that_no_filter_follows(
+    start, tester, render
+):
+    process = start({**UNPOSED, 'attitude.source': 'initialpose'})
+    high = initial_pose(START)
+    high.pose.pose.position.z = 40.0
+    tester.initial.publish(high)
+    tester.spin(0.3)
+    assert localized(tester, frames(render(START)), process).pose.position.z == 40.0
+    tester.until(lambda: tester.with_covariance, 'the covariance')
+    variances = np.diag(np.reshape(tester.with_covariance[-1].pose.covariance, (6, 6)))
+    assert variances[[2, 3, 4]].tolist() == [1e6, 100.0, 100.0]
+    assert tester.set('attitude.sigma_z', 2.0).successful
