@@ -7,10 +7,12 @@ from mcap.writer import CompressionType
 import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
+import zstandard
 
 from gip_localizer.errors import BagError
 from gip_localizer.io.bags.bag import Bag
-from gip_localizer.io.bags.writer import BagWriter
+from gip_localizer.io.bags.window import BagWindow
+from gip_localizer.io.bags.writer import _qos, BagWriter
 from gip_localizer.io.cdr import jazzy
 
 TOPICS = ('/camera/image', '/odom')
@@ -219,3 +221,100 @@ def test_a_truncated_sqlite3_file_is_read_in_part_or_refused(tmp_path, share):
     read = content(bag)
     assert read == STREAM[:len(read)]
     assert any('damaged' in note for note in bag.notes)
+
+
+@pytest.mark.parametrize('suffix', ['.zstd', '.ZSTD', '.zst'])
+@pytest.mark.parametrize('plugin', list(StoragePlugin))
+def test_a_bare_compressed_file(tmp_path, plugin, suffix):
+    folder = write_rosbag2(tmp_path / 'bag', STREAM, plugin)
+    plain = next(file for file in folder.iterdir() if file.suffix != '.yaml')
+    compressed = tmp_path / f'{plain.name}{suffix}'
+    compressed.write_bytes(zstandard.ZstdCompressor().compress(plain.read_bytes()))
+    bag = Bag([compressed])
+    assert content(bag) == STREAM
+    assert bag.notes == []
+
+
+def test_a_damaged_compressed_file_is_refused_by_its_own_name(tmp_path):
+    path = tmp_path / 'a.mcap.zstd'
+    path.write_bytes(b'not compressed at all')
+    with pytest.raises(BagError, match=r'a\.mcap\.zstd: cannot be decompressed'):
+        Bag([path])
+    cut = write_mcap(tmp_path / 'b.mcap', STREAM).read_bytes()[:2000]
+    path.write_bytes(zstandard.ZstdCompressor().compress(cut))
+    try:
+        notes = Bag([path]).notes
+    except BagError as error:
+        notes = [str(error)]
+    assert any(str(path) in note for note in notes)
+
+
+@pytest.mark.parametrize('name', ['A.MCAP', 'a.Mcap', 'A.DB3'])
+def test_suffixes_in_capitals(tmp_path, name):
+    plugin = StoragePlugin.MCAP if 'cap' in name.lower() else StoragePlugin.SQLITE3
+    folder = write_rosbag2(tmp_path / 'bag', STREAM, plugin)
+    plain = next(file for file in folder.iterdir() if file.suffix != '.yaml')
+    plain.rename(tmp_path / name)
+    assert content(Bag([tmp_path / name])) == STREAM
+
+
+@pytest.mark.parametrize('mode', [CompressionMode.FILE, CompressionMode.MESSAGE])
+@pytest.mark.parametrize('change', ['qos', 'gone', 'unreadable'])
+def test_a_compressed_folder_is_read_whatever_its_metadata_say(tmp_path, mode, change):
+    writer = Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        ids = {t: writer.add_connection(t, k, typestore=jazzy(), offered_qos_profiles=[_qos(True)])
+               for t, k, _, _ in STREAM[:2]}
+        for topic, _, log, raw in STREAM:
+            writer.write(ids[topic], log, raw)
+    meta = tmp_path / 'bag' / 'metadata.yaml'
+    if change == 'gone':
+        meta.unlink()
+    elif change == 'qos':
+        text = meta.read_text()
+        assert 'durability: transient_local' in text
+        meta.write_text(text.replace('durability: transient_local', 'durability: volatile'))
+    else:
+        meta.write_text('a: &a [x]\n' + 'b: [*a, *a' * 99)
+    assert content(Bag([tmp_path / 'bag'])) == STREAM
+
+
+def test_a_message_whose_compression_is_damaged_is_skipped_and_named(tmp_path):
+    squeezed = [(t, k, log, zstandard.ZstdCompressor().compress(raw)) for t, k, log, raw in STREAM]
+    topic, kind, log, raw = squeezed[4]
+    squeezed[4] = topic, kind, log, raw[:-20]
+    bag = Bag([write_mcap(tmp_path / 'a.mcap', squeezed)])
+    assert content(bag) == STREAM[:4] + STREAM[5:]
+    assert any('do not decode are skipped' in note for note in bag.notes)
+
+
+@pytest.mark.parametrize('log', [0, 1, 2**63 - 1, 2**64 - 1])
+@pytest.mark.parametrize('place', [0, 30])
+def test_a_single_log_time_of_another_clock_does_not_move_the_drive(tmp_path, log, place):
+    topic, kind, _, raw = STREAM[place]
+    stream = [*STREAM[:place], (topic, kind, log, raw), *STREAM[place + 1:]]
+    bag = Bag([write_mcap(tmp_path / 'a.mcap', stream)])
+    drive = [message for message in stream if message[2] != log]
+    assert (bag.start_ns, bag.end_ns) == (drive[0][2], drive[-1][2])
+    assert any('1 of 60 messages are logged at other times' in note for note in bag.notes)
+    everything = BagWindow().log_times(bag)
+    assert len(content(bag, start_ns=everything[0], stop_ns=everything[1])) == len(STREAM)
+    start, stop = BagWindow(1.0, 0.5).log_times(bag)
+    assert (start, stop) == (drive[0][2] + 10**9, drive[0][2] + 15 * 10**8)
+    assert 0.1 < BagWindow(1.0, 0.5).share(bag) < 0.5
+
+
+def test_bags_of_two_days_and_of_simulated_time_have_no_strays(tmp_path):
+    later = [(t, k, log + 90 * 86_400 * 10**9, raw) for t, k, log, raw in STREAM]
+    bag = Bag([write_mcap(tmp_path / 'a.mcap', STREAM + later)])
+    assert (bag.start_ns, bag.end_ns, bag.notes) == (EPOCH, later[-1][2], [])
+    simulated = [(t, k, log - EPOCH, raw) for t, k, log, raw in STREAM]
+    bag = Bag([write_mcap(tmp_path / 'b.mcap', simulated)])
+    assert (bag.start_ns, bag.notes) == (0, [])
+
+
+def test_a_path_may_begin_at_home(tmp_path, monkeypatch):
+    monkeypatch.setenv('HOME', str(tmp_path))
+    write_mcap(tmp_path / 'a.mcap', STREAM)
+    assert content(Bag(['~/a.mcap'])) == STREAM

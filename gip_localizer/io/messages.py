@@ -11,6 +11,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.camera.calibration import Calibration
+from gip_localizer.io.lens import lens, with_scale
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.track.odometry import OdometrySample
 from gip_localizer.errors import CalibrationError, GipError
@@ -118,10 +119,10 @@ def calibration(message: Any) -> Calibration:
         raise CalibrationError(f'CameraInfo size {width}x{height} is absurd; recalibrate')
     roi = message.roi
     rotation = numbers('r').reshape(3, 3)
+    model, distortion = lens(str(message.distortion_model), numbers('d').ravel())
     return Calibration(
-        width, height, numbers('k').reshape(3, 3), numbers('d').ravel(),
-        numbers('p').reshape(3, 4)[:, :3].copy(),
-        str(message.distortion_model),
+        width, height, with_scale(numbers('k').reshape(3, 3)), distortion,
+        with_scale(numbers('p').reshape(3, 4)[:, :3]), model,
         rotation if rotation.any() else np.eye(3),
         (max(int(message.binning_x), 1), max(int(message.binning_y), 1)),
         (int(roi.x_offset), int(roi.y_offset), int(roi.width), int(roi.height)),

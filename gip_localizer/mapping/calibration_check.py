@@ -21,6 +21,7 @@ from gip_localizer.errors import BagError, CalibrationError, ImageError
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.camera import recorded_camera
 from gip_localizer.io.bags.topics import IMAGES, Topics
+from gip_localizer.io.bit_depth import BitDepth
 from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.mapping.lane_lines import lane_lines, LaneLine, pitch_excess
 from gip_localizer.parameters import Parameters
@@ -103,6 +104,7 @@ def check_calibration(
     rectifier = Rectifier(camera, parameters.birdseye)
     decode = compressed_grey_image if topics.image.msgtype == IMAGES[1] else grey_image
     step = max(topics.image.messages // most, 1)
+    depth = BitDepth()
     frames: list[CheckedFrame] = []
     refused: list[str] = []
     for message in islice(bag.messages([topics.image.name]), 0, step * most, step):
@@ -110,7 +112,7 @@ def check_calibration(
         if decoded is None:
             continue
         try:
-            image = decode(decoded)
+            image = depth.scaled(decode(decoded))
             if image.shape != (camera.height, camera.width):
                 camera = recorded.for_image(image)
                 rectifier = Rectifier(camera, parameters.birdseye)

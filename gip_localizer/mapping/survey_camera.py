@@ -18,6 +18,7 @@ from gip_localizer.errors import CalibrationError, ImageError
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.camera import recorded_camera
 from gip_localizer.io.bags.topics import IMAGES, Topics
+from gip_localizer.io.bit_depth import BitDepth
 from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.map_files import load_mask
 from gip_localizer.mapping.vignetting import Vignetting
@@ -63,6 +64,7 @@ class SurveyCamera:
     def __init__(self, bag: Bag, topics: Topics, parameters: Parameters,
                  resolution: float) -> None:
         self._camera = recorded_camera(bag, topics, parameters)
+        self._depth = BitDepth()
         self._compressed = topics.image.msgtype == IMAGES[1]
         self._noise = parameters.score.pixel_noise
         self._mask = load_mask(parameters.mask_file) if parameters.mask_file else None
@@ -94,7 +96,7 @@ class SurveyCamera:
                 f'{camera.width}x{camera.height}'
             )
         fitting(self._mask, image)
-        return image
+        return self._depth.scaled(image)
 
     def view(self, image: Grey) -> tuple[View, Floats]:
         """Return the view of an image, corrected for vignetting, and its weights (rows, cols)."""

@@ -80,6 +80,8 @@ CAMERA = DiagnosticGroup('camera', (
          'that the vehicle moved: the camera is frozen'),
     Rule('REPEATED_IMAGES', W, 'four frames or more with the same pixels, and nothing says that '
          'the vehicle moved', withheld=False),
+    Rule('FEW_BITS', W, '16 bit images use only their lower 8, 10, 12 or 14 bits; they are scaled '
+         'by what is used', withheld=False),
     Rule(Status.NO_MASK, E, 'mask.required is set, and the image has no usable mask'),
     Rule('MASK_MISSING', W, 'mask.from_topic is set, and no mask of the stamp of the image came '
          'within mask.timeout; without mask.required it is localized without one',

@@ -22,6 +22,7 @@ from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.errors import CalibrationError, GipError, ImageError
 from gip_localizer.io import messages
+from gip_localizer.io.bit_depth import BitDepth
 from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.map_files import load_mask
 from gip_localizer.parameters import Parameters
@@ -77,6 +78,7 @@ class Frontend:
         self.image: Grey | None = None
         self.camera_frame = ''
         self._repeats = RepeatedImages()
+        self._depth = BitDepth()
         self._calibration: Calibration | None = None
         self._info_raw: tuple[object, ...] | None = None
         self._camera: CameraModel | None = None
@@ -176,7 +178,7 @@ class Frontend:
             wrong = self.complaints.get('camera_info', 'no camera_info received yet')
             return Estimate(stamp, Status.NO_CALIBRATION, wrong)
         try:
-            self.image = image = decode(message)
+            self.image = image = self._at_full_scale(decode(message))
             camera = self._camera_for(image)
             mask = both(fitting(self._mask, image), self._mask_of(masked, image))
         except MaskError as error:
@@ -194,6 +196,12 @@ class Frontend:
         if self._repeats.repeats >= TOLD_AFTER:
             self.warnings['REPEATED_IMAGES'] = f'{self._repeats.repeats} in a row'
         return self.localizer.update(stamp, image, camera, mask=mask)
+
+    def _at_full_scale(self, image: Grey) -> Grey:
+        scaled = self._depth.scaled(image)
+        if note := self._depth.note(image):
+            self.warnings['FEW_BITS'] = note
+        return scaled
 
     def _mask_of(self, masked: Masked | None, image: Grey) -> Grey | None:
         """Return the mask that came with an image; None where it may do without."""

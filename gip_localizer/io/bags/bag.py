@@ -17,11 +17,14 @@ import re
 from typing import Any
 
 from rosbags.serde import SerdeError
-import yaml
+from zstandard import ZstdError
 
-from gip_localizer.errors import BagError
+from gip_localizer.errors import BagError, shortened
+from gip_localizer.io.bags.compression import is_compressed, plain, storage_suffix
+from gip_localizer.io.bags.log_times import drive_times
 from gip_localizer.io.bags.sources import BagMessage, END, open_source, Source, Topic
 from gip_localizer.io.cdr import jazzy
+from gip_localizer.parameters.yaml_files import read_yaml, user_path, YamlFileError
 
 STORAGE = ('.mcap', '.db3')
 
@@ -40,7 +43,7 @@ class Bag:
     topics : list of Topic
         By name; counts of all files together.
     start_ns, end_ns : int
-        Log times of the first and of the last message.
+        Log times of the drive's first and last message (see `log_times`).
 
     Raises
     ------
@@ -52,7 +55,7 @@ class Bag:
     def __init__(self, paths: Iterable[Path | str]) -> None:
         self._notes: list[str] = []
         self._sources = [
-            open_source(file) for path in paths for file in self._files(Path(path))
+            open_source(file) for path in paths for file in self._files(user_path(path))
         ]
         self._undecodable: set[str] = set()
         counts: dict[tuple[str, str, str], int] = {}
@@ -63,8 +66,13 @@ class Bag:
             Topic(name, kind, count, encoding)
             for (name, kind, encoding), count in sorted(counts.items())
         ]
-        self.start_ns = min((s.start_ns for s in self._sources if _filled(s)), default=0)
-        self.end_ns = max((s.end_ns for s in self._sources if _filled(s)), default=0)
+        filled = [source for source in self._sources if any(t.messages for t in source.topics)]
+        self.start_ns, self.end_ns, strays = drive_times(
+            min((source.start_ns for source in filled), default=0),
+            max((source.end_ns for source in filled), default=0),
+            lambda: (m.log_ns for m in self.messages({topic.name for topic in self.topics})),
+        )
+        self._notes += [strays] if strays else []
         self._note_unknown()
 
     @property
@@ -88,19 +96,30 @@ class Bag:
         """
         streams = [_announced(source, topics, start_ns, stop_ns) for source in self._sources]
         for message in heapq.merge(*streams, key=lambda message: message.log_ns):
-            if message.topic:
-                yield message
+            if message.topic and (raw := self._plain(message)) is not None:
+                yield message._replace(raw=raw)
+
+    def _plain(self, message: BagMessage) -> bytes | None:
+        """Return a message's bytes decompressed; None, and a note, where they are damaged."""
+        try:
+            return plain(message.raw)
+        except (ZstdError, MemoryError) as error:
+            self._note_skipped(message.topic, error)
+            return None
 
     def decode(self, message: BagMessage) -> Any | None:
         """Return the message as an object; None, and a note, if it does not decode."""
         try:
             return jazzy().deserialize_cdr(message.raw, message.msgtype)
         except (SerdeError, IndexError, KeyError, UnicodeDecodeError) as error:
-            if message.topic not in self._undecodable:
-                self._undecodable.add(message.topic)
-                self._notes.append(f'{message.topic}: messages that do not decode are skipped: '
-                                   f'{str(error)[:160]}')
+            self._note_skipped(message.topic, error)
             return None
+
+    def _note_skipped(self, topic: str, error: BaseException) -> None:
+        if topic not in self._undecodable:
+            self._undecodable.add(topic)
+            self._notes.append(f'{topic}: messages that do not decode are skipped: '
+                               f'{shortened(str(error))}')
 
     def known(self, topic: Topic) -> bool:
         """Tell whether messages of a topic can be decoded."""
@@ -122,24 +141,25 @@ class Bag:
             raise BagError(f'{path}: cannot be read: {error.strerror}') from None
         if not exists:
             raise BagError(f'{path}: no such bag; give a rosbag2 folder, an .mcap or a .db3 file')
-        if path.suffix not in STORAGE:
-            hint = ' (convert ROS 1 bags with rosbags-convert)' if path.suffix == '.bag' else ''
+        if storage_suffix(path) not in STORAGE:
+            hint = ' (convert ROS 1 bags with rosbags-convert)' if path.suffix.lower() == '.bag' else ''
             raise BagError(f'{path}: is no .mcap and no .db3 file{hint}')
         return [path]
 
     def _files_of_folder(self, folder: Path) -> list[Path]:
-        found = sorted((f for f in folder.iterdir() if f.suffix in STORAGE), key=_natural)
+        stored = {f.name: f for f in folder.iterdir() if storage_suffix(f) in STORAGE}
+        found = sorted((f for f in stored.values()
+                        if not (is_compressed(f) and f.stem in stored)), key=_natural)
         info = self._metadata(folder)
-        if str((info or {}).get('compression_mode')).lower() in ('file', 'message'):
-            return [folder]
         if not found:
             raise BagError(
-                f'{folder}: holds no .mcap and no .db3 file; give the folder that ros2 bag '
-                'record made (its .zstd files need their metadata.yaml)'
+                f'{folder}: holds no .mcap and no .db3 file, nor one compressed to .zstd; give the '
+                'folder that ros2 bag record made'
             )
         names = (info or {}).get('relative_file_paths')
         listed = [Path(str(name)).name for name in (names if isinstance(names, list) else ())]
-        missing = [name for name in listed if not (folder / name).is_file()]
+        missing = [name for name in listed
+                   if not {name, Path(name).stem} & {file.name for file in found}]
         if missing:
             self._notes.append(f'{folder}: files of the bag are missing: {", ".join(missing)}')
         return found
@@ -147,18 +167,14 @@ class Bag:
     def _metadata(self, folder: Path) -> dict[str, Any] | None:
         path = folder / 'metadata.yaml'
         try:
-            info = yaml.safe_load(path.read_text(encoding='utf-8'))['rosbag2_bagfile_information']
+            info = read_yaml(path)['rosbag2_bagfile_information']
         except FileNotFoundError:
             self._notes.append(f'{folder}: has no metadata.yaml; its files are read without it')
             return None
-        except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
+        except (YamlFileError, KeyError, TypeError):
             self._notes.append(f'{path}: unreadable; the files are read without it')
             return None
         return info if isinstance(info, dict) else None
-
-
-def _filled(source: Source) -> bool:
-    return any(topic.messages for topic in source.topics)
 
 
 def _announced(source: Source, topics: Collection[str], start_ns: int,

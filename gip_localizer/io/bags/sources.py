@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-One storage file or folder of a bag, read as raw messages; damage becomes a note, not an error.
+One storage file of a bag, read as raw messages; damage becomes a note, not an error.
 
 MCAP is read with `mcap`, by its index where it has one and from front to back where it has none
-(recording cut short). sqlite3 and files compressed as a whole are read with `rosbags`.
+(recording cut short). sqlite3 is read with `rosbags`.
 
 """
 
@@ -28,8 +28,11 @@ from rosbags.rosbag2 import Reader, ReaderError
 import zstandard
 
 from gip_localizer.errors import BagError
+from gip_localizer.io.bags.compression import is_compressed, PlainCopy, storage_suffix
 
-END = 2**63 - 1
+END = 2**64
+"""Beyond the log times that MCAP can hold."""
+SQLITE_END = 2**63 - 1
 RECORD_LIMIT = 2**29  # a longer MCAP record, bytes, is taken for damage
 # mcap renamed the bounds of a window, start included, stop not.
 BOUNDS = ('starting_at', 'ending_before') if 'starting_at' in signature(
@@ -61,9 +64,12 @@ class Source(Protocol):
 
     path: Path
     topics: list[Topic]
-    notes: list[str]
     start_ns: int
     end_ns: int
+
+    @property
+    def notes(self) -> list[str]:
+        """What could not be read, one line each; grows while reading."""
 
     def messages(self, topics: Collection[str], start_ns: int,
                  stop_ns: int) -> Iterator[BagMessage]:
@@ -72,7 +78,7 @@ class Source(Protocol):
 
 def open_source(path: Path) -> Source:
     """
-    Open a storage file, or a folder whose metadata only `rosbags` can follow.
+    Open a storage file.
 
     Raises
     ------
@@ -80,7 +86,9 @@ def open_source(path: Path) -> Source:
         Nothing in it can be read.
 
     """
-    if path.suffix == '.mcap':
+    if is_compressed(path) or path.suffix != path.suffix.lower():
+        return CopiedSource(path)
+    if storage_suffix(path) == '.mcap':
         return McapSource(path)
     try:
         return RosbagsSource(path)
@@ -88,8 +96,30 @@ def open_source(path: Path) -> Source:
         raise BagError(f'{path}: cannot be read as a bag: {error}') from None
 
 
+class CopiedSource:
+    """A file that its reader takes only decompressed, or under another name."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._copy = PlainCopy(path)
+        self._source = open_source(self._copy.path)
+        self.topics = self._source.topics
+        self.start_ns, self.end_ns = self._source.start_ns, self._source.end_ns
+
+    @property
+    def notes(self) -> list[str]:
+        """What could not be read, under the name of the file itself."""
+        copy = str(self._copy.path)
+        return [note.replace(copy, str(self.path)) for note in self._source.notes]
+
+    def messages(self, topics: Collection[str], start_ns: int,
+                 stop_ns: int) -> Iterator[BagMessage]:
+        """Yield messages as the source of the copy does."""
+        return self._source.messages(topics, start_ns, stop_ns)
+
+
 class RosbagsSource:
-    """A source that `rosbags` reads: sqlite3, or a folder of compressed files."""
+    """A sqlite3 file, which `rosbags` reads."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -110,7 +140,8 @@ class RosbagsSource:
                 wanted = [c for c in reader.connections if c.topic in topics]
                 if not wanted:
                     return
-                for connection, log_ns, raw in reader.messages(wanted, start_ns, stop_ns):
+                for connection, log_ns, raw in reader.messages(
+                        wanted, start_ns, min(stop_ns, SQLITE_END)):
                     yield BagMessage(connection.topic, connection.msgtype, log_ns, raw)
         except DAMAGE as error:
             self.notes.append(f'{self.path}: damaged, the rest is not read: {error}')

@@ -21,7 +21,7 @@ class BagWindow:
     Attributes
     ----------
     start_s : float
-        Seconds after the bag's first message.
+        Seconds after the drive's first message; 0: nothing is skipped.
     duration_s : float or None
         Seconds; None: to the end.
 
@@ -45,10 +45,11 @@ class BagWindow:
         """Return the first log time (ns) and the one at which to stop."""
         start = bag.start_ns + round(self.start_s * 1e9)
         stop = END if self.duration_s is None else start + round(self.duration_s * 1e9)
-        return start, stop
+        return (start if self.start_s else 0), stop
 
     def share(self, bag: Bag) -> float:
         """Return the share of the bag's time that is replayed."""
         start, stop = self.log_times(bag)
         length = max(bag.end_ns - bag.start_ns, 1)
-        return min(max((min(stop, bag.end_ns) - start) / length, 0.0), 1.0)
+        replayed = min(stop, bag.end_ns) - max(start, bag.start_ns)
+        return min(max(replayed / length, 0.0), 1.0)

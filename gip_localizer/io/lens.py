@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers of a lens as drivers write them → as their model takes them."""
+
+from __future__ import annotations
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.camera.calibration import FISHEYE_MODELS, PINHOLE_MODELS
+from gip_localizer.errors import CalibrationError
+
+LENGTHS: dict[str, tuple[int, ...]] = {
+    **PINHOLE_MODELS, **dict.fromkeys(FISHEYE_MODELS, (4,)),
+    'rational_polynomial': (4, 5, *PINHOLE_MODELS['rational_polynomial']),
+}
+"""Model → numbers of D that it takes; the rational one with less is OpenCV's plumb_bob."""
+PLUMB_BOB, RATIONAL = 'plumb_bob', 'rational_polynomial'
+
+
+def lens(model: str, D: Floats) -> tuple[str, Floats]:
+    """
+    Return the distortion model and its numbers.
+
+    Parameters
+    ----------
+    model : str
+        As the CameraInfo names it.
+    D : (n,) float64
+        Zeros beyond what the model takes are left out.
+
+    Returns
+    -------
+    model : str
+        As named; plumb_bob where a rational one has no more numbers than that.
+    D : (m,) float64
+        Of a length that the model takes, where there is one.
+
+    Raises
+    ------
+    CalibrationError
+        The model is not named.
+
+    """
+    if not D.any():
+        return model, D
+    if not model:
+        raise _unnamed(D)
+    lengths = LENGTHS.get(model, ())
+    fitting = [length for length in lengths if length < D.size and not D[length:].any()]
+    if D.size not in lengths and fitting:
+        D = D[: max(fitting)]
+    if model == RATIONAL and D.size in PINHOLE_MODELS[PLUMB_BOB]:
+        model = PLUMB_BOB
+    return model, D
+
+
+def _unnamed(D: Floats) -> CalibrationError:
+    fitting = [model for model, lengths in LENGTHS.items() if D.size in lengths]
+    return CalibrationError(
+        f"CameraInfo distortion_model '' is unknown: it is empty, and D has {D.size} numbers, as of "
+        f'{" or ".join(fitting) or "no model"}; publish the name of the model that was calibrated'
+    )
+
+
+def with_scale(matrix: Floats) -> Floats:
+    """Return a (3, 3) camera matrix whose last number is 1 where its driver left it at 0."""
+    filled = matrix.copy()
+    if matrix[0, 0] > 0.0 and matrix[1, 1] > 0.0 and matrix[2, 2] == 0.0:
+        filled[2, 2] = 1.0
+    return filled
