@@ -48,6 +48,7 @@ setup(
         'numpy>=1.26',
         'scipy',
         'opencv-python-headless>=4.6',
+        'simplejpeg',
         'mcap',
         'rosbags',
         'zstandard',

@@ -25,7 +25,8 @@ END = b'\xff\xd9'
 THUMBNAIL = b'\xff\xe1' + (2 + len(JPEG)).to_bytes(2, 'big') + JPEG
 KINDS = {
     'least quality': [cv2.IMWRITE_JPEG_QUALITY, 5], 'best': [cv2.IMWRITE_JPEG_QUALITY, 100],
-    'progressive': [cv2.IMWRITE_JPEG_PROGRESSIVE, 1], 'restarts': [cv2.IMWRITE_JPEG_RST_INTERVAL, 4],
+    'progressive': [cv2.IMWRITE_JPEG_PROGRESSIVE, 1],
+    'restarts': [cv2.IMWRITE_JPEG_RST_INTERVAL, 4],
 }
 BEHIND = {
     'zeros': bytes(4096), 'filling': b'\xff' * 999, 'another end': b'abc' + END + b'abc',
@@ -52,7 +53,7 @@ def test_a_cut_picture_is_refused_whatever_lies_behind(share, behind):
     if behind == BEHIND['another end']:
         pytest.importorskip('simplejpeg')
     cut = JPEG[: int(share * len(JPEG))]
-    with pytest.raises(ImageError, match='truncated|damaged'):
+    with pytest.raises(ImageError, match=r'truncated|damaged'):
         read(cut + behind)
 
 

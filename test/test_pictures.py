@@ -173,7 +173,8 @@ def test_the_largest_value_of_a_pgm_is_white(tmp_path, kind, largest):
 def test_a_colour_ppm_is_scaled_likewise(tmp_path):
     values = RNG.integers(0, 1024, (*SHAPE, 3))
     path = tmp_path / 'map.ppm'
-    path.write_bytes(f'P6\n{SHAPE[1]} {SHAPE[0]}\n1023\n'.encode() + values.astype('>u2').tobytes())
+    head = f'P6\n{SHAPE[1]} {SHAPE[0]}\n1023\n'
+    path.write_bytes(head.encode() + values.astype('>u2').tobytes())
     expected = cv2.cvtColor((values * (65535 / 1023)).astype(np.uint16), cv2.COLOR_RGB2GRAY)
     np.testing.assert_allclose(read_picture('the map', path)[0], expected.astype(float), atol=2.0)
 

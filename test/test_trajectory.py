@@ -121,3 +121,43 @@ def test_a_missing_file_is_refused(tmp_path):
 def test_an_unwritable_place_is_refused(tmp_path):
     with pytest.raises(OutputError, match='absent'):
         write_tum(tmp_path / 'absent' / 'a.tum', straight())
+
+
+def test_a_byte_order_mark_is_passed_over(tmp_path):
+    path = tmp_path / 'a.txt'
+    path.write_bytes(b'\xef\xbb\xbf1.5 1 2 0 0 0 0 1\r\n2.5 2 2 0 0 0 0 1\r\n')
+    assert read_tum(path).stamps_ns.tolist() == [1_500_000_000, 2_500_000_000]
+
+
+@pytest.mark.parametrize(('stamp', 'unit'), [
+    ('1700000000000000000', 'nanoseconds'), ('1700000000000000', 'microseconds'),
+    ('1700000000000.0', 'milliseconds'),
+])
+def test_stamps_of_another_unit_are_named(tmp_path, stamp, unit):
+    path = tmp_path / 'a.txt'
+    path.write_text(f'{stamp} 1 2 0 0 0 0 1\n')
+    with pytest.raises(TrajectoryError, match=f'a.txt:1: .*stamps look like {unit}'):
+        read_tum(path)
+
+
+def test_a_quaternion_with_w_first_is_doubted(tmp_path):
+    path = tmp_path / 'a.txt'
+    lines = [f'{i} {i} 0 0 {math.cos(i / 20):.9f} 0 0 {math.sin(i / 20):.9f}' for i in range(9)]
+    path.write_text('\n'.join(lines))
+    with pytest.raises(TrajectoryError, match='degrees are beyond any road; is it "qw qx qy qz"'):
+        read_tum(path)
+
+
+@pytest.mark.parametrize(('axis', 'angle', 'fits'), [
+    ('x', 0.3, True), ('y', -0.35, True), ('x', 0.9, False), ('y', 1.2, False),
+    ('x', math.pi, False),
+])
+def test_roll_and_pitch_are_those_of_a_road(tmp_path, axis, angle, fits):
+    path = tmp_path / 'a.txt'
+    sin, cos = math.sin(angle / 2), math.cos(angle / 2)
+    path.write_text(f'1 1 2 0 {sin if axis == "x" else 0} {sin if axis == "y" else 0} 0 {cos}\n')
+    if fits:
+        assert len(read_tum(path)) == 1
+    else:
+        with pytest.raises(TrajectoryError, match='beyond any road'):
+            read_tum(path)

@@ -8,6 +8,8 @@ import argparse
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
+from gip_localizer.parameters.yaml_files import user_path
+
 if TYPE_CHECKING:
     from gip_localizer.benchmark.rows import Row
 
@@ -31,7 +33,7 @@ def add_parser(verbs: Any) -> None:
                         help='few frames, for a rough result only')
     parser.add_argument('--seconds', type=float, default=60.0, metavar='S',
                         help='length of each drive of the suite node (default: 60)')
-    parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='DIR',
+    parser.add_argument('--out', type=user_path, default=DEFAULT_OUT, metavar='DIR',
                         help=f'results folder (default: {DEFAULT_OUT})')
     parser.add_argument('--force', action='store_true', help='replace existing results in --out')
     parser.set_defaults(run=run)

@@ -9,6 +9,8 @@ from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
+from gip_localizer.parameters.yaml_files import user_path
+
 if TYPE_CHECKING:
     from gip_localizer.core.map.raster_map import RasterMap
     from gip_localizer.io.bags.bag import Bag
@@ -40,9 +42,9 @@ def add_parser(verbs: Any) -> None:
         description='Combine the bird\'s-eye views of a drive into a map: every cell is the mean\n'
                     'over all frames that saw it, with larger weights for near views.',
     )
-    parser.add_argument('bag', nargs='+', type=Path, metavar='BAG',
+    parser.add_argument('bag', nargs='+', type=user_path, metavar='BAG',
                         help='rosbag2 folder, .mcap or .db3 file; several bags are merged by time')
-    parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='YAML',
+    parser.add_argument('--out', type=user_path, default=DEFAULT_OUT, metavar='YAML',
                         help=f'map to write (default: {DEFAULT_OUT})')
     parser.add_argument('--force', action='store_true', help='replace an existing map')
     parser.add_argument('--resolution', type=float, metavar='M',
@@ -51,11 +53,11 @@ def add_parser(verbs: Any) -> None:
     one = poses.add_mutually_exclusive_group()
     one.add_argument('--truth', '--ground-truth', metavar='TOPIC',
                      help='topic of the bag (default: found by name, as /ground_truth)')
-    one.add_argument('--poses', type=Path, metavar='FILE', help='TUM file')
+    one.add_argument('--poses', type=user_path, metavar='FILE', help='TUM file')
     poses.add_argument('--max-gap', type=float, default=0.2, metavar='S',
                        help='longest time between two poses to interpolate (default: 0.2)')
     tune = parser.add_argument_group('parameters')
-    tune.add_argument('--params', type=Path, metavar='FILE',
+    tune.add_argument('--params', type=user_path, metavar='FILE',
                       help='ROS parameter YAML (default: params.yaml next to the bag, if any)')
     tune.add_argument('--set', action='append', default=[], metavar='NAME=VALUE', dest='settings',
                       help='one parameter; repeatable, e.g. --set camera.pitch=0.26')
@@ -71,8 +73,14 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Build the map, write it, print the table."""
-    from gip_localizer.cli.settings import ctrl_c, recorded_parameters
+    from gip_localizer.cli.settings import (
+        ctrl_c,
+        recorded_parameters,
+        unused_at_the_desk,
+        without_masks,
+    )
     from gip_localizer.io.bags.bag import Bag
+    from gip_localizer.io.bags.camera import mounted
     from gip_localizer.io.bags.window import BagWindow
     from gip_localizer.io.map_files import save_map
     from gip_localizer.io.output_folder import check_file
@@ -88,6 +96,8 @@ def run(args: argparse.Namespace) -> int:
                            BagWindow(args.start, args.duration))
     bag = Bag(args.bag)
     topics, poses, notes = _poses(args, bag, parameters)
+    parameters, said = mounted(bag, topics, without_masks(parameters))
+    notes += [*said, *unused_at_the_desk(parameters)]
     drive = MappedDrive(bag, topics, parameters, poses, settings)
     with ctrl_c(interrupts=True):
         raster_map = _with_progress(drive, settings, bag, topics)

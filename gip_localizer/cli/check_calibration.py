@@ -10,6 +10,8 @@ from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
+from gip_localizer.parameters.yaml_files import user_path
+
 if TYPE_CHECKING:
     from gip_localizer.mapping.calibration_check import CalibrationCheck
 
@@ -26,16 +28,16 @@ def add_parser(verbs: Any) -> None:
         'check-calibration',
         help='draw the road plane over a frame, and measure the pitch error from lane lines',
     )
-    parser.add_argument('bag', type=Path, nargs='+', metavar='BAG',
+    parser.add_argument('bag', type=user_path, nargs='+', metavar='BAG',
                         help='drive that includes a straight road with two lane lines')
-    parser.add_argument('--params', type=Path, metavar='FILE',
+    parser.add_argument('--params', type=user_path, metavar='FILE',
                         help='ROS parameter YAML (default: params.yaml next to the bag, if any)')
     parser.add_argument('--set', action='append', default=[], dest='settings',
                         metavar='NAME=VALUE', help='one parameter, e.g. camera.pitch=0.26')
     parser.add_argument('--frames', type=int, default=40, help='number of frames (default: 40)')
     parser.add_argument('--image-topic', metavar='TOPIC')
     parser.add_argument('--camera-info-topic', metavar='TOPIC')
-    parser.add_argument('--out', type=Path, default=Path('results/calibration.png'),
+    parser.add_argument('--out', type=user_path, default=Path('results/calibration.png'),
                         help='picture to write (default: %(default)s)')
     parser.add_argument('--force', action='store_true', help='replace an existing picture')
     parser.set_defaults(run=run)
@@ -43,8 +45,13 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure, draw, and print the pitch that makes the lines parallel."""
-    from gip_localizer.cli.settings import recorded_parameters
+    from gip_localizer.cli.settings import (
+        recorded_parameters,
+        unused_at_the_desk,
+        without_masks,
+    )
     from gip_localizer.io.bags.bag import Bag
+    from gip_localizer.io.bags.camera import mounted
     from gip_localizer.io.bags.topics import choose_topics, TopicNames
     from gip_localizer.io.output_folder import check_file, write_whole
     from gip_localizer.mapping.calibration_check import check_calibration, check_picture
@@ -53,6 +60,9 @@ def run(args: argparse.Namespace) -> int:
     parameters = recorded_parameters(args)
     bag = Bag(args.bag)
     topics = choose_topics(bag, TopicNames(args.image_topic, args.camera_info_topic))
+    parameters, said = mounted(bag, topics, without_masks(parameters))
+    for note in [*said, *unused_at_the_desk(parameters, ['mask_file'])]:
+        print(f'gip: {note}', file=sys.stderr)
     check = check_calibration(bag, topics, parameters, max(args.frames, 1))
     write_whole(args.out, check_picture(check, args.out.suffix.lower().lstrip('.')))
     return _print_result(check, parameters.camera.pitch, args.out)

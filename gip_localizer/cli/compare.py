@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from gip_localizer.parameters.yaml_files import user_path
+
 DEFAULT_OUT = Path('results/compare')
 MARK = 'compare.html'
 
@@ -18,8 +20,8 @@ def add_parser(verbs: Any) -> None:
     parser = verbs.add_parser(
         'compare', help='compare results folders: metrics, parameters, one chart'
     )
-    parser.add_argument('runs', nargs='+', type=Path, metavar='RUN', help='a results folder')
-    parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='DIR',
+    parser.add_argument('runs', nargs='+', type=user_path, metavar='RUN', help='a results folder')
+    parser.add_argument('--out', type=user_path, default=DEFAULT_OUT, metavar='DIR',
                         help=f'folder for compare.html and compare.png (default: {DEFAULT_OUT})')
     parser.add_argument('--force', action='store_true', help='replace existing files in --out')
     parser.set_defaults(run=run)

@@ -16,6 +16,7 @@ from typing import Any, TYPE_CHECKING
 from gip_localizer.cli.settings import ctrl_c
 from gip_localizer.errors import GipError
 from gip_localizer.parameters import METRICS, Parameters
+from gip_localizer.parameters.yaml_files import user_path
 
 if TYPE_CHECKING:
     from gip_localizer.evaluation.run import Run
@@ -48,7 +49,8 @@ def add_parser(verbs: Any) -> None:
         '--metric', choices=METRICS, default=Parameters().score.metric,
         help='metric for scoring candidates (default: %(default)s)',
     )
-    parser.add_argument('--out', type=Path, default=Path('results/demo'), help='results folder')
+    parser.add_argument('--out', type=user_path, default=Path('results/demo'),
+                        help='results folder')
     parser.add_argument('--force', action='store_true', help='replace existing results')
     parser.set_defaults(run=run)
 

@@ -10,6 +10,8 @@ from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
+from gip_localizer.parameters.yaml_files import user_path
+
 if TYPE_CHECKING:
     from gip_localizer.evaluation.suites.output import Evaluation
 
@@ -34,7 +36,7 @@ def add_parser(verbs: Any) -> None:
                         dest='settings', help='a parameter of the localizer; repeatable')
     parser.add_argument('--jobs', type=_count, default=min(os.cpu_count() or 1, 8), metavar='N',
                         help='number of processes (default: %(default)s)')
-    parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='DIR',
+    parser.add_argument('--out', type=user_path, default=DEFAULT_OUT, metavar='DIR',
                         help=f'results folder (default: {DEFAULT_OUT})')
     parser.add_argument('--force', action='store_true', help='replace existing results in --out')
     parser.set_defaults(run=run)

@@ -11,6 +11,7 @@ import sys
 from typing import Any, TYPE_CHECKING
 
 from gip_localizer.errors import ParameterError
+from gip_localizer.parameters.yaml_files import user_path
 
 if TYPE_CHECKING:
     from gip_localizer.paper.curves import Curves
@@ -52,7 +53,7 @@ def add_parser(verbs: Any) -> None:
     )
     output = parser.add_argument_group('output')
     output.add_argument(
-        '--out', type=Path, default=Path('results/paper'), metavar='DIR',
+        '--out', type=user_path, default=Path('results/paper'), metavar='DIR',
         help='results folder (default: results/paper)',
     )
     output.add_argument('--force', action='store_true', help='replace existing results in DIR')

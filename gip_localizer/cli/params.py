@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gip_localizer.errors import OutputError
+from gip_localizer.parameters.yaml_files import user_path
 
 
 def add_parser(verbs: Any) -> None:
@@ -22,7 +23,7 @@ def add_parser(verbs: Any) -> None:
     form.add_argument('--yaml', action='store_true', help='as a ROS parameter file (default)')
     form.add_argument('--markdown', action='store_true', help='as a table')
     form.add_argument(
-        '--write', type=Path, metavar='ROOT',
+        '--write', type=user_path, metavar='ROOT',
         help='write the parameter files in config/ and the pages docs/parameters.md and '
         'docs/diagnostics.md of the source tree ROOT',
     )

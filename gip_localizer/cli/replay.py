@@ -10,6 +10,8 @@ import re
 import sys
 from typing import Any, TYPE_CHECKING
 
+from gip_localizer.parameters.yaml_files import user_path
+
 if TYPE_CHECKING:
     from gip_localizer.core.estimate import Estimate
     from gip_localizer.evaluation.replay import Replay
@@ -31,16 +33,16 @@ def add_parser(verbs: Any) -> None:
     )
     # A pose that begins with a minus sign is a value, not an option.
     parser._negative_number_matcher = re.compile(r'^-[\d.].*$')
-    parser.add_argument('bag', nargs='+', type=Path, metavar='BAG',
+    parser.add_argument('bag', nargs='+', type=user_path, metavar='BAG',
                         help='rosbag2 folder, .mcap or .db3 file; several bags are merged by time')
-    parser.add_argument('--map', type=Path, metavar='YAML',
+    parser.add_argument('--map', type=user_path, metavar='YAML',
                         help='nav2 map YAML (default: map_file of --params, or map.yaml next to '
                              'the bag)')
-    parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='DIR',
+    parser.add_argument('--out', type=user_path, default=DEFAULT_OUT, metavar='DIR',
                         help=f'results folder (default: {DEFAULT_OUT})')
     parser.add_argument('--force', action='store_true', help='replace existing results in --out')
     tune = parser.add_argument_group('parameters')
-    tune.add_argument('--params', type=Path, metavar='FILE',
+    tune.add_argument('--params', type=user_path, metavar='FILE',
                       help='ROS parameter YAML (default: params.yaml next to the bag, if any)')
     tune.add_argument('--set', action='append', default=[], metavar='NAME=VALUE', dest='settings',
                       help='one parameter; repeatable, e.g. --set search.x=1.0')
@@ -64,10 +66,11 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replay, write the results folder, print the table."""
-    from gip_localizer.cli.settings import ctrl_c, file_next_to
+    from gip_localizer.cli.settings import ctrl_c, file_next_to, unused_at_the_desk
     from gip_localizer.evaluation.metrics import format_table, table_rows
     from gip_localizer.evaluation.replay import Replay
     from gip_localizer.evaluation.results import check_output, write_results
+    from gip_localizer.io.bags.camera import mounted
     from gip_localizer.io.bags.topics import TRUTH
     from gip_localizer.io.bags.window import BagWindow
     from gip_localizer.io.map_files import load_map
@@ -77,7 +80,8 @@ def run(args: argparse.Namespace) -> int:
         args.params = file_next_to(args.bag, 'params.yaml')
     window = BagWindow(args.start, args.duration)
     bag, topics, truth, notes = _open(args)
-    parameters = _parameters(args, truth)
+    parameters, said = mounted(bag, topics, _parameters(args, truth))
+    notes += [*said, *unused_at_the_desk(parameters)]
     replay = Replay(bag, topics, load_map(parameters.map_file), parameters, truth)
     with ctrl_c(interrupts=True):
         _with_progress(replay, window, round(topics.image.messages * window.share(bag)))

@@ -15,6 +15,9 @@ from gip_localizer.errors import ParameterError
 from gip_localizer.parameters import load_parameter_file, Parameters
 from gip_localizer.parameters.spec import ParameterGroup
 
+NODE_ONLY = ('image_reliability', 'lifecycle', 'state_file', 'tf.publish')
+"""Parameters that change what the node does and mean nothing for a bag."""
+
 
 def parse_settings(words: Sequence[str], tree: type[ParameterGroup]) -> dict[str, object]:
     """
@@ -63,6 +66,33 @@ def recorded_parameters(
     parameters = load_parameter_file(path) if path else Parameters()
     parameters = parameters.replace(changes or {})
     return parameters.replace(parse_settings(args.settings, Parameters))
+
+
+def unused_at_the_desk(parameters: Parameters, also: Sequence[str] = ()) -> list[str]:
+    """
+    Return what is to be said of parameters that are set and that a verb does not use.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        As given.
+    also : sequence of str
+        Names beyond those of `NODE_ONLY`.
+
+    """
+    defaults, given = Parameters().to_dict(), parameters.to_dict()
+    unused = [name for name in (*NODE_ONLY, *also) if given[name] != defaults[name]]
+    return [f'not used here, only by the node: {", ".join(unused)}'] if unused else []
+
+
+def without_masks(parameters: Parameters) -> Parameters:
+    """Return the parameters of a verb that reads no mask topic (raises ParameterError)."""
+    if parameters.mask.from_topic:
+        raise ParameterError(
+            'parameter mask.from_topic: is true, and this verb reads no masks from a topic; '
+            'expected false: --set mask.from_topic=false, and mask_file for the own vehicle'
+        )
+    return parameters
 
 
 @contextmanager

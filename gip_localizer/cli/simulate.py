@@ -9,6 +9,8 @@ from pathlib import Path
 import sys
 from typing import Any
 
+from gip_localizer.parameters.yaml_files import user_path
+
 DEFAULT_OUT = Path('results/simulated')
 MARK = 'metadata.yaml'
 
@@ -31,11 +33,11 @@ def add_parser(verbs: Any) -> None:
                         help='format of the recorded images (default: raw)')
     parser.add_argument('--quality', type=int, default=90, metavar='1-100',
                         help='quality of jpeg images (default: 90)')
-    parser.add_argument('--params', type=Path, metavar='FILE',
+    parser.add_argument('--params', type=user_path, metavar='FILE',
                         help='ROS parameter YAML of the synthetic camera')
     parser.add_argument('--set', action='append', default=[], metavar='NAME=VALUE',
                         dest='settings', help='one parameter of the synthetic camera; repeatable')
-    parser.add_argument('--out', type=Path, default=DEFAULT_OUT, metavar='DIR',
+    parser.add_argument('--out', type=user_path, default=DEFAULT_OUT, metavar='DIR',
                         help=f'folder to write (default: {DEFAULT_OUT})')
     parser.add_argument('--force', action='store_true', help='replace an existing bag in --out')
     parser.set_defaults(run=run)

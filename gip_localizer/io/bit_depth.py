@@ -40,7 +40,7 @@ class BitDepth:
         self.bits = 0
 
     def scaled(self, image: Grey) -> Grey:
-        """Return a (height, width) image at the full scale of its type; uint16 may become uint8."""
+        """Return a (height, width) image at full scale; uint16 may become uint8."""
         if image.dtype != np.uint16:
             return image
         if self.bits < DEPTHS[-1]:

@@ -54,10 +54,12 @@ def lens(model: str, D: Floats) -> tuple[str, Floats]:
 
 
 def _unnamed(D: Floats) -> CalibrationError:
-    fitting = [model for model, lengths in LENGTHS.items() if D.size in lengths]
+    models = {**PINHOLE_MODELS, 'equidistant': LENGTHS['equidistant']}
+    fitting = [model for model, lengths in models.items() if D.size in lengths]
     return CalibrationError(
-        f"CameraInfo distortion_model '' is unknown: it is empty, and D has {D.size} numbers, as of "
-        f'{" or ".join(fitting) or "no model"}; publish the name of the model that was calibrated'
+        f"CameraInfo distortion_model '' is unknown: it is empty, and D has {D.size} numbers, as "
+        f'of {" or ".join(fitting) or "no model"}; publish the name of the model that was '
+        'calibrated'
     )
 
 

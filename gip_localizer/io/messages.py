@@ -11,10 +11,10 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.camera.calibration import Calibration
-from gip_localizer.io.lens import lens, with_scale
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.track.odometry import OdometrySample
 from gip_localizer.errors import CalibrationError, GipError
+from gip_localizer.io.lens import lens, with_scale
 
 PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and rotation about z of a 6 x 6 covariance
 MAX_IMAGE_SIDE = 65536

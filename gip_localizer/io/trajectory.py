@@ -21,9 +21,16 @@ from numpy.typing import NDArray
 
 from gip_localizer.core.pose import Pose2, wrap_angle
 from gip_localizer.errors import OutputError, TrajectoryError
+from gip_localizer.parameters.yaml_files import user_path
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
+STEEPEST = 0.7
+"""Roll or pitch, rad, beyond any road: the steepest street rises by 0.34, ramps bank by 0.6."""
+LATEST = 9_000_000_000
+"""Largest stamp, s, of the year 2255: larger ones are of another unit."""
+UNITS = {'nanoseconds': 10**18, 'microseconds': 10**15, 'milliseconds': 10**12}
+"""Unit → order of magnitude of today's time in it."""
 MAX_GAP_NS = 2_000_000_000  # a longer gap between two poses of the truth is not bridged
 
 
@@ -137,17 +144,17 @@ def read_tum(path: Path | str) -> Trajectory:
     """
     Read a TUM file.
 
-    Comments (#) and empty lines are skipped. Roll and pitch are dropped.
+    Comments (#), empty lines and a byte order mark are skipped. Roll and pitch are dropped.
 
     Raises
     ------
     TrajectoryError
         Unreadable, empty, or a line that is not eight finite numbers with growing stamps and a
-        unit quaternion; the message names file and line.
+        unit quaternion, or a roll or pitch beyond any road; the message names file and line.
 
     """
     try:
-        text = Path(path).read_text(encoding='utf-8')
+        text = user_path(path).read_text(encoding='utf-8-sig')
     except (OSError, UnicodeDecodeError) as error:
         raise TrajectoryError(f'{path}: cannot be read as a TUM text file: {error}') from None
     stamps: list[int] = []
@@ -190,11 +197,43 @@ def _parse(line: str, where: str) -> tuple[int, Pose2]:
     norm = math.sqrt(sum(part * part for part in quaternion))
     if not (stamp.is_finite() and all(map(math.isfinite, (x, y, z, norm)))):
         raise TrajectoryError(f'{where}: a number is not finite: {line.strip()[:80]!r}')
-    if abs(norm - 1.0) > 1e-2 or abs(stamp) > Decimal(9_000_000_000):
+    if abs(stamp) > LATEST:
+        raise TrajectoryError(_other_unit(where, stamp))
+    if abs(norm - 1.0) > 1e-2:
         raise TrajectoryError(
             f'{where}: quaternion of length {norm:.4g} (expected 1), stamp {stamp} s'
         )
+    if max(map(abs, roll_and_pitch(*quaternion))) > STEEPEST:
+        raise TrajectoryError(_too_steep(where, quaternion))
     return int((stamp * 1_000_000_000).to_integral_value()), Pose2(x, y, _yaw(*quaternion))
+
+
+def _other_unit(where: str, stamp: Decimal) -> str:
+    """Say of a stamp that is no time in seconds which unit it may have."""
+    unit = next((unit for unit, least in UNITS.items() if abs(stamp) >= least), None)
+    suspicion = f'stamps look like {unit}' if unit else 'it is no time in seconds'
+    return f'{where}: stamp {str(stamp)[:40]}: {suspicion}; expected seconds'
+
+
+def _too_steep(where: str, quaternion: list[float]) -> str:
+    """Say of a pose that no vehicle on a road has what may be wrong with its columns."""
+    roll, pitch = roll_and_pitch(*quaternion)
+    w, x, y, z = quaternion
+    first = max(map(abs, roll_and_pitch(x, y, z, w))) <= STEEPEST
+    return (
+        f'{where}: roll {math.degrees(roll):.0f} and pitch {math.degrees(pitch):.0f} degrees are '
+        'beyond any road; '
+        + ('is it "qw qx qy qz", w first?' if first else 'is it the pose of base_link?')
+        + ' Expected "stamp x y z qx qy qz qw" of a frame whose z is up'
+    )
+
+
+def roll_and_pitch(qx: float, qy: float, qz: float, qw: float) -> tuple[float, float]:
+    """Return roll and pitch, rad, of a quaternion of any length but 0 (REP 103)."""
+    norm = qx * qx + qy * qy + qz * qz + qw * qw
+    roll = math.atan2(2.0 * (qw * qx + qy * qz), norm - 2.0 * (qx * qx + qy * qy))
+    sin = 2.0 * (qw * qy - qz * qx) / norm
+    return roll, math.asin(min(max(sin, -1.0), 1.0))
 
 
 def _yaw(qx: float, qy: float, qz: float, qw: float) -> float:

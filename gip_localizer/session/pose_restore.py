@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Callable
 import math
 import os
-from pathlib import Path
 import time
 
 from gip_localizer.core.estimate import Estimate
@@ -15,6 +14,7 @@ from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.pose import Pose2, wrap_angle
 from gip_localizer.errors import GipError
 from gip_localizer.parameters import Parameters
+from gip_localizer.parameters.yaml_files import user_path
 from gip_localizer.session.pose_file import LastPose, load_state, map_hash, save_state, StateError
 
 WAITED_NS = 1_000_000_000
@@ -51,7 +51,7 @@ class StateKeeper:
         self._localizer = localizer
         self._tell = tell
         self._wall = wall
-        self._path = Path(parameters.state_file) if parameters.state_file else None
+        self._path = user_path(parameters.state_file) if parameters.state_file else None
         self._written = float('-inf')
         self._kept: Pose2 | None = None
         self._speed = 0.0

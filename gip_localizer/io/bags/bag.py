@@ -142,7 +142,8 @@ class Bag:
         if not exists:
             raise BagError(f'{path}: no such bag; give a rosbag2 folder, an .mcap or a .db3 file')
         if storage_suffix(path) not in STORAGE:
-            hint = ' (convert ROS 1 bags with rosbags-convert)' if path.suffix.lower() == '.bag' else ''
+            ros1 = path.suffix.lower() == '.bag'
+            hint = ' (convert ROS 1 bags with rosbags-convert)' if ros1 else ''
             raise BagError(f'{path}: is no .mcap and no .db3 file{hint}')
         return [path]
 
@@ -153,8 +154,8 @@ class Bag:
         info = self._metadata(folder)
         if not found:
             raise BagError(
-                f'{folder}: holds no .mcap and no .db3 file, nor one compressed to .zstd; give the '
-                'folder that ros2 bag record made'
+                f'{folder}: holds no .mcap and no .db3 file, nor one compressed to .zstd; give '
+                'the folder that ros2 bag record made'
             )
         names = (info or {}).get('relative_file_paths')
         listed = [Path(str(name)).name for name in (names if isinstance(names, list) else ())]

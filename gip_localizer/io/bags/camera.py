@@ -1,16 +1,99 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The camera of a bag, mounted as the parameters say."""
+"""The camera of a bag, mounted as the parameters say or as the bag's /tf_static does."""
 
 from __future__ import annotations
 
+import contextlib
+
 from gip_localizer.core.camera.calibration import Calibration
-from gip_localizer.core.camera.model import CameraModel
-from gip_localizer.errors import BagError
+from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.errors import BagError, ParameterError
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.topics import Topics
 from gip_localizer.io.messages import calibration
+from gip_localizer.io.static_transforms import StaticTransforms, TransformError
 from gip_localizer.parameters import Parameters
+
+TF_STATIC, TRANSFORMS = '/tf_static', 'tf2_msgs/msg/TFMessage'
+
+
+def mounted(bag: Bag, topics: Topics, parameters: Parameters) -> tuple[Parameters, list[str]]:
+    """
+    Return the parameters with the camera where the bag has it, if `camera.from_tf` is set.
+
+    Parameters
+    ----------
+    bag, topics : Bag, Topics
+        /tf_static is read, and the frame that the first image (or camera_info) names.
+    parameters : Parameters
+        As given.
+
+    Returns
+    -------
+    parameters : Parameters
+        The same, or with the six numbers of `camera.*` replaced.
+    notes : list of str
+        What is to be said of it.
+
+    Raises
+    ------
+    BagError
+        The bag does not connect the frames.
+    ParameterError
+        The transform puts the camera where none can be.
+
+    """
+    if not parameters.camera.from_tf:
+        return parameters, []
+    base, frame = parameters.frames.base, _frame(bag, topics)
+    try:
+        held = _static_transforms(bag).extrinsics(base, frame)
+    except TransformError as error:
+        raise BagError(
+            f'camera.from_tf is true, and {TF_STATIC} of the bag does not hold the pose of the '
+            f'camera: {error}; set camera.from_tf=false and camera.x, y, z, roll, pitch, yaw, or '
+            'record that topic'
+        ) from None
+    try:
+        parameters = parameters.replace({
+            f'camera.{name}': getattr(held, name) for name in Extrinsics.__dataclass_fields__
+        })
+    except ParameterError as error:
+        raise ParameterError(
+            f'camera.from_tf is true, and {TF_STATIC} puts {frame!r} in {base!r} where no camera '
+            f'can be: {error}'
+        ) from None
+    return parameters, [
+        f'camera.from_tf: {frame!r} in {base!r} is taken from {TF_STATIC}: x {held.x:.3f}, '
+        f'y {held.y:.3f}, z {held.z:.3f} m, roll {held.roll:.4f}, pitch {held.pitch:.4f}, '
+        f'yaw {held.yaw:.4f} rad'
+    ]
+
+
+def _frame(bag: Bag, topics: Topics) -> str:
+    """Return the frame of the camera: of the first image that names one, or camera_info."""
+    for topic in (topics.image.name, topics.camera_info.name):
+        first = next(bag.messages([topic]), None)
+        decoded = None if first is None else bag.decode(first)
+        if decoded is not None and decoded.header.frame_id:
+            return str(decoded.header.frame_id)
+    raise BagError(
+        'camera.from_tf is true, and neither the first image nor the first camera_info names its '
+        'frame; set camera.from_tf=false and camera.x, y, z, roll, pitch, yaw'
+    )
+
+
+def _static_transforms(bag: Bag) -> StaticTransforms:
+    tree = StaticTransforms()
+    names = {topic.name for topic in bag.topics
+             if topic.msgtype == TRANSFORMS and topic.name.rsplit('/', 1)[-1] == TF_STATIC[1:]}
+    for message in bag.messages(names):
+        decoded = bag.decode(message)
+        if decoded is not None:
+            with contextlib.suppress(TransformError):  # of others; what is missing is named later
+                tree.take(decoded.transforms)
+    return tree
 
 
 def recorded_camera(bag: Bag, topics: Topics, parameters: Parameters) -> CameraModel:
