@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bag_samples import EPOCH, IMAGE, ODOM, serialized, small_drive, write_mcap, write_rosbag2
+from mcap.reader import make_reader
 from mcap.writer import CompressionType
 import numpy as np
 import pytest
@@ -318,3 +319,15 @@ def test_a_path_may_begin_at_home(tmp_path, monkeypatch):
     monkeypatch.setenv('HOME', str(tmp_path))
     write_mcap(tmp_path / 'a.mcap', STREAM)
     assert content(Bag(['~/a.mcap'])) == STREAM
+
+
+def test_channels_carry_the_hash_of_their_type(tmp_path):
+    with BagWriter(tmp_path / 'bag', {'/camera/image': IMAGE, '/odom': ODOM}) as bag:
+        for topic, _, log, message in small_drive():
+            bag.write(topic, log, message)
+    with (tmp_path / 'bag' / 'bag.mcap').open('rb') as stream:
+        channels = make_reader(stream).get_summary().channels.values()
+    assert {channel.topic: channel.metadata['topic_type_hash'] for channel in channels} == {
+        '/camera/image': jazzy().hash_rihs01(IMAGE), '/odom': jazzy().hash_rihs01(ODOM),
+    }
+    assert all(channel.metadata['offered_qos_profiles'] for channel in channels)

@@ -10,6 +10,7 @@ Message classes and serialization are those of `rosbags`, with ROS 2 Jazzy's def
 from __future__ import annotations
 
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -24,6 +25,7 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2.storage_mcap import McapWriter, write_channel, write_string
 
 from gip_localizer.core.pose import Pose2
 from gip_localizer.io.cdr import jazzy
@@ -52,6 +54,23 @@ def make_pose(pose: Pose2) -> Any:
     )
 
 
+class _HashingStorage(McapWriter):
+    """MCAP whose channels carry `topic_type_hash`, as rosbag2 of Jazzy writes them."""
+
+    def add_connection(self, connection: Connection, offered_qos_profiles: str) -> None:
+        """Declare a channel, and write it again with the hash of its type."""
+        before = self.chunk.bio.tell()
+        super().add_connection(connection, offered_qos_profiles)
+        metadata = BytesIO()
+        write_string(metadata, 'topic_type_hash')
+        write_string(metadata, connection.digest)
+        plain = self.channels[-1]
+        self.channels[-1] = plain._replace(metadata=plain.metadata + metadata.getvalue())
+        self.chunk.bio.seek(before)
+        self.chunk.bio.truncate()
+        write_channel(self.chunk.bio, self.channels[-1], self.schemas)
+
+
 class BagWriter:
     """
     A rosbag2 folder with one MCAP file; use as a context manager.
@@ -78,6 +97,7 @@ class BagWriter:
 
         """
         self._writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
+        self._writer.STORAGE_PLUGINS = {StoragePlugin.MCAP: _HashingStorage}
         if compress:
             self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         self._topics = dict(topics)
