@@ -51,3 +51,10 @@ def test_a_last_number_left_at_zero_is_one():
     K, P = made.K.copy(), np.hstack([made.P, np.zeros((3, 1))])
     K[2, 2] = P[2, 2] = 0.0
     assert calibration(camera_info(made, k=K.ravel(), p=P.ravel())).key() == made.key()
+
+
+def test_zeros_of_another_model_are_no_lens_and_those_of_the_fisheye_an_ideal_one():
+    for D, model in ((np.zeros(5), 'plumb_bob'), (np.zeros(8), 'plumb_bob'),
+                     (np.zeros(4), 'equidistant'), (np.zeros(0), 'equidistant')):
+        message = camera_info(make_calibration('none'), distortion_model='equidistant', d=D)
+        assert calibration(message).model == model

@@ -30,7 +30,9 @@ def lens(model: str, D: Floats) -> tuple[str, Floats]:
     Returns
     -------
     model : str
-        As named; plumb_bob where a rational one has no more numbers than that.
+        As named; plumb_bob where a rational one has no more numbers than that, and where a
+        fisheye has zeros of another length: plumb_bob's five mean no lens at all (as image_geometry
+        takes them), and only its own four an ideal fisheye.
     D : (m,) float64
         Of a length that the model takes, where there is one.
 
@@ -41,7 +43,8 @@ def lens(model: str, D: Floats) -> tuple[str, Floats]:
 
     """
     if not D.any():
-        return model, D
+        other = model in FISHEYE_MODELS and D.size not in (0, *LENGTHS[model])
+        return (PLUMB_BOB if other else model), D
     if not model:
         raise _unnamed(D)
     lengths = LENGTHS.get(model, ())
