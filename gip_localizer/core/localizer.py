@@ -11,19 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 import time
 
 from gip_localizer.core.arrays import Floats, Grey
 from gip_localizer.core.belief import Belief, checked_prior
-from gip_localizer.core.birdseye.pixel_noise import estimate_pixel_noise
-from gip_localizer.core.birdseye.rectifier import View
+from gip_localizer.core.birdseye.weights import cell_weights, noise_levels
 from gip_localizer.core.calibrated_view import CalibratedView
 from gip_localizer.core.camera.image_check import image_fault
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.estimate import Estimate, Match, Status
-from gip_localizer.core.gramian import gramian, most_gain
 from gip_localizer.core.integrity import judge, Verdict
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.map.resampling import contrast
@@ -35,24 +33,6 @@ from gip_localizer.core.track.odometry import OdometrySample
 from gip_localizer.core.track.track_state import TrackState
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Parameters
-
-
-@dataclass(frozen=True)
-class NoiseLevels:
-    """
-    Standard deviations of a frame, in grey levels of [0, 1] of the view.
-
-    Attributes
-    ----------
-    pixel : float
-        Of the image's pixels.
-    map : float
-        Of the map's cells.
-
-    """
-
-    pixel: float
-    map: float
 
 
 class Localizer:
@@ -163,8 +143,14 @@ class Localizer:
             view = prepared.rectifier.rectify(image)
 
         with self._stage('gramian'):  # 2 weight per cell
-            noise = self._noise(view, image)
-            match = Match(view, self._weight(view, noise, prepared, mask))
+            noise = noise_levels(
+                view, image, self.parameters.score, gain=self.state.gain,
+                map_contrast=self._map_contrast,
+            )
+            weight = cell_weights(view, noise, self.parameters.score)
+            if mask is not None:
+                weight = weight * prepared.rectifier.unmasked(mask)
+            match = Match(view, weight)
 
         with self._stage('match'):  # 3 score per candidate, best modes refined, judged
             search = FrameSearch(
@@ -189,22 +175,6 @@ class Localizer:
             self._prepared = None
             return self._silent(stamp_ns, Status.NO_ROAD_IN_VIEW, str(error))
         return prepared
-
-    def _noise(self, view: View, image: Grey) -> NoiseLevels:
-        score = self.parameters.score
-        pixel = score.pixel_noise or estimate_pixel_noise(image)
-        gain = self.state.gain or most_gain(
-            view.patch, view.footprint, pixel_noise=pixel, map_contrast=self._map_contrast
-        )
-        return NoiseLevels(pixel, score.map_noise * (gain if score.normalized else 1.0))
-
-    def _weight(
-        self, view: View, noise: NoiseLevels, prepared: CalibratedView, mask: Grey | None
-    ) -> Floats:
-        weight = gramian(view.footprint, pixel_noise=noise.pixel, map_noise=noise.map)
-        if self.parameters.score.metric.startswith('euclidean'):
-            weight = view.valid * weight[view.valid].mean()
-        return weight if mask is None else weight * prepared.rectifier.unmasked(mask)
 
     def _search(
         self, stamp_ns: int, search: FrameSearch, prior: Belief | None

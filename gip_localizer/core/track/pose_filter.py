@@ -18,7 +18,8 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.belief import Belief
-from gip_localizer.core.pose import difference, Pose2, wrap_angle
+from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.core.track.belief_arithmetic import agree, beyond, fused, moved, scaled
 from gip_localizer.core.track.odometry import MAX_TURN, OdometryBuffer
 from gip_localizer.core.track.odometry_check import (
     MAX_ACCELERATION,
@@ -27,7 +28,6 @@ from gip_localizer.core.track.odometry_check import (
 )
 from gip_localizer.parameters import Motion
 
-GATE_SQ = 21.1  # chi-square, 3 degrees of freedom, 99.99 %
 REACH_SIGMAS = 4.0  # of a prediction, within which the vehicle is
 HELD_VELOCITY_S = 2.0  # longest time since a fix for which its velocity is held
 BLIND = 5.0  # times as much drift with time where odometry does not tell the motion
@@ -135,7 +135,7 @@ class PoseFilter:
         driven = self.belief.driven + math.hypot(motion.x, motion.y)
         unseen = self.belief.unseen + elapsed
         drift = self._drift(blind, (self.belief.driven, driven), (self.belief.unseen, unseen))
-        return replace(_moved(self.belief, stamp_ns, motion, drift), driven=driven, unseen=unseen)
+        return replace(moved(self.belief, stamp_ns, motion, drift), driven=driven, unseen=unseen)
 
     def predict_unproven(self, stamp_ns: int) -> Belief | None:
         """
@@ -153,7 +153,7 @@ class PoseFilter:
             return None
         driven, seconds = math.hypot(motion.x, motion.y), (stamp_ns - origin.stamp_ns) * 1e-9
         drift = self._drift(BLIND, (0.0, driven), (0.0, seconds))
-        return replace(_moved(origin, stamp_ns, motion, drift), driven=driven, unseen=seconds)
+        return replace(moved(origin, stamp_ns, motion, drift), driven=driven, unseen=seconds)
 
     def _motion(self, stamp_ns: int, elapsed: float) -> tuple[Pose2, float]:
         """Return the motion since the belief, and times how much drift with time it has."""
@@ -174,7 +174,7 @@ class PoseFilter:
         velocity, fix = self.known.velocity, self.known.last_fix
         if velocity is None or fix is None or (now_ns - fix.stamp_ns) * 1e-9 >= HELD_VELOCITY_S:
             return None
-        return _scaled(velocity, elapsed)
+        return scaled(velocity, elapsed)
 
     def moved_since(self, stamp_ns: int, now_ns: int) -> Pose2 | None:
         """Return the motion from one stamp to another as far as it is known without a match."""
@@ -207,9 +207,9 @@ class PoseFilter:
         """
         reach, turn = self._reach(prior.unseen)
         innovation = difference(measured.pose, prior.pose)
-        innovation[:2] *= _beyond(math.hypot(innovation[0], innovation[1]), reach)
-        innovation[2] *= _beyond(abs(innovation[2]), turn)
-        return _agree(innovation, prior.covariance + measured.covariance)
+        innovation[:2] *= beyond(math.hypot(innovation[0], innovation[1]), reach)
+        innovation[2] *= beyond(abs(innovation[2]), turn)
+        return agree(innovation, prior.covariance + measured.covariance)
 
     def reach(self, prior: Belief) -> float:
         """Return the distance from a prediction (m) at which the vehicle may be."""
@@ -246,8 +246,8 @@ class PoseFilter:
         """
         innovation = difference(measured.pose, prior.pose)
         total = prior.covariance + measured.covariance
-        fusing = fuse and _agree(innovation, total)
-        belief = _fused(prior, measured, innovation, total) if fusing else measured
+        fusing = fuse and agree(innovation, total)
+        belief = fused(prior, measured, innovation, total) if fusing else measured
         self._learn_velocity(belief)
         self.known = replace(self.known, belief=belief, origin=belief)
         return belief
@@ -260,7 +260,7 @@ class PoseFilter:
         last, velocity = self.known.last_fix, self.known.velocity
         elapsed = 0.0 if last is None else (fix.stamp_ns - last.stamp_ns) * 1e-9
         if last is not None and 0.0 < elapsed < HELD_VELOCITY_S:
-            seen = _scaled(last.pose.inverse() @ fix.pose, 1.0 / elapsed)
+            seen = scaled(last.pose.inverse() @ fix.pose, 1.0 / elapsed)
             if math.hypot(seen.x, seen.y) <= self._noise.max_speed:
                 velocity = seen
         self.known = replace(self.known, velocity=velocity, last_fix=fix)
@@ -285,39 +285,3 @@ class PoseFilter:
         )
         if done:
             self.known = replace(self.known, compared_since=fix)
-
-
-def _agree(innovation: Floats, total: Floats) -> bool:
-    """Whether two poses differ by no more than their covariances allow."""
-    return bool(innovation @ np.linalg.solve(total, innovation) < GATE_SQ)
-
-
-def _beyond(length: float, reach: float) -> float:
-    """Share of a length that lies beyond a reach."""
-    return max(1.0 - reach / length, 0.0) if length > 0.0 else 0.0
-
-
-def _scaled(motion: Pose2, factor: float) -> Pose2:
-    return Pose2(motion.x * factor, motion.y * factor, motion.yaw * factor)
-
-
-def _moved(belief: Belief, stamp_ns: int, motion: Pose2, motion_covariance: Floats) -> Belief:
-    pose = belief.pose @ motion
-    shift = np.eye(3)
-    shift[0, 2], shift[1, 2] = -(pose.y - belief.pose.y), pose.x - belief.pose.x
-    turn = np.eye(3)
-    turn[:2, :2] = belief.pose.rotation()
-    covariance = shift @ belief.covariance @ shift.T + turn @ motion_covariance @ turn.T
-    return Belief(stamp_ns, pose, covariance)
-
-
-def _fused(prior: Belief, measured: Belief, innovation: Floats, total: Floats) -> Belief:
-    gain = np.linalg.solve(total, prior.covariance).T
-    step = gain @ innovation
-    keep = np.eye(3) - gain
-    covariance = keep @ prior.covariance @ keep.T + gain @ measured.covariance @ gain.T
-    pose = Pose2(
-        prior.pose.x + float(step[0]), prior.pose.y + float(step[1]),
-        wrap_angle(prior.pose.yaw + float(step[2])),
-    )
-    return Belief(measured.stamp_ns, pose, 0.5 * (covariance + covariance.T))
