@@ -46,7 +46,7 @@ def search_suite(suite: str, frames: int, judged: int, rounds: int) -> tuple[lis
     peer = min(times, key=lambda state: median(times[state]['peer']))
     ours = times['IPP on']
     rows = [
-        compared_row(suite, f'{CASES[suite]}: {search}',
+        compared_row(suite, f'{CASES[suite]}: {search}, engine alone',
                median(ours[search]), f'{NAME}, {peer}', median(times[peer]['peer']),
                _same(suite, search, found['IPP on']))
         for search in ('exhaustive', 'coarse to fine')

@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
@@ -13,7 +15,10 @@ from gip_localizer.parameters.yaml_files import user_path
 if TYPE_CHECKING:
     from gip_localizer.benchmark.rows import Row
 
-SUITES = ('track', 'acquire', 'global', 'noise', 'growth', 'rectify', 'frame', 'map', 'node')
+SUITES = (
+    'track', 'acquire', 'global', 'relocalize', 'noise', 'growth', 'rectify', 'frame', 'map',
+    'node',
+)
 DEFAULT_OUT = Path('results/bench')
 FRAMES = {'track': (1000, 200), 'acquire': (200, 20), 'global': (30, 4)}
 """Number of frames per suite, and of those that the slow search processes too; chosen."""
@@ -67,23 +72,24 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _measure(suite: str, args: argparse.Namespace) -> tuple[list[Row], Any]:
-    from gip_localizer.benchmark import map_area, profile, rectify, search_rows
+    from gip_localizer.benchmark import map_area, profile, rectify, relocalize, search_rows
 
     if suite in FRAMES:
         frames, judged = FRAMES[suite]
         if args.quick:
             frames, judged = max(frames // 50, 2), max(judged // 20, 1)
         return search_rows.search_suite(suite, frames, judged, 1 if args.quick else 3)
-    if suite == 'noise':
-        return search_rows.noise_suite(20 if args.quick else 400)
+    few: dict[str, Callable[[], tuple[list[Row], Any]]] = {
+        'relocalize': partial(relocalize.relocalize_suite, 2 if args.quick else 20),
+        'noise': partial(search_rows.noise_suite, 20 if args.quick else 400),
+        'rectify': partial(rectify.rectify_suite, 50 if args.quick else 400),
+        'frame': partial(profile.profile_suite, 1 if args.quick else 4),
+        'map': partial(map_area.map_suite, 1 if args.quick else 3),
+    }
     if suite == 'growth':
         return [], search_rows.growth_details()
-    if suite == 'rectify':
-        return rectify.rectify_suite(50 if args.quick else 400)
-    if suite == 'frame':
-        return profile.profile_suite(1 if args.quick else 4)
-    if suite == 'map':
-        return map_area.map_suite(1 if args.quick else 3)
+    if suite in few:
+        return few[suite]()
     from gip_localizer.ros.bench.latency import node_suite
 
     return node_suite(min(args.seconds, 8.0) if args.quick else args.seconds)
