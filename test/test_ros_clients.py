@@ -5,6 +5,10 @@
 from __future__ import annotations
 
 from itertools import cycle
+import os
+import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -13,6 +17,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
+import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from ros_scene import *  # noqa: F403 - fixtures and the world
 from ros_scene import (
@@ -147,3 +152,26 @@ def test_z_and_tilt_are_those_of_the_initialpose_with_a_variance_that_no_filter_
     variances = np.diag(np.reshape(tester.with_covariance[-1].pose.covariance, (6, 6)))
     assert variances[[2, 3, 4]].tolist() == [1e6, 100.0, 100.0]
     assert tester.set('attitude.sigma_z', 2.0).successful
+
+
+def test_a_second_node_of_the_same_name_is_noticed(start, tester):
+    start()
+    other = rclpy.create_node('localizer')
+    try:
+        words = 'DUPLICATE_NAME: 2 nodes are called /localizer'
+        tester.until(lambda: tester.said('output', words), 'the other node')
+    finally:
+        other.destroy_node()
+
+
+def test_ctrl_c_amid_the_imports_is_quiet(tmp_path):
+    command = [sys.executable, '-X', 'importtime', '-c',
+               'import sys; from gip_localizer.ros.entry import localizer; sys.exit(localizer())']
+    log = tmp_path / 'log'
+    with log.open('w') as out, subprocess.Popen(command, stderr=out, env=os.environ) as process:
+        deadline = time.monotonic() + 30.0
+        while 'numpy' not in log.read_text() and time.monotonic() < deadline:
+            time.sleep(0.005)  # the import of rclpy and SciPy is still to come
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=30) == 0
+    assert 'Traceback' not in log.read_text()
