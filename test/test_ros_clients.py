@@ -29,8 +29,12 @@ from ros_scene import (
     parameters,
     send,
     START,
+    WORLD,
 )  # fmt: skip
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.io.map_files import save_map
 
 pytestmark = pytest.mark.ros
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -162,6 +166,34 @@ def test_a_second_node_of_the_same_name_is_noticed(start, tester):
         tester.until(lambda: tester.said('output', words), 'the other node')
     finally:
         other.destroy_node()
+
+
+def test_the_map_changes_while_the_node_runs_and_the_pose_is_carried_over(
+    start, tester, render, tmp_path
+):
+    process = start()
+    images = frames(render(START))
+    localized(tester, images, process)
+    refused = tester.set('map_file', '/nowhere/map.yaml')
+    assert not refused.successful
+    assert '/nowhere/map.yaml' in refused.reason
+    assert_near(localized(tester, images, process), START)
+    turned = tmp_path / 'other.yaml'
+    save_map(RasterMap(WORLD.grey[:, :-25], WORLD.resolution, WORLD.origin), turned)
+    published = len(tester.maps)
+    assert tester.set('map_file', str(turned)).successful
+    tester.until(lambda: len(tester.maps) > published, 'the other map')
+    assert tester.maps[-1].info.width == WORLD.grey.shape[1] - 25
+    assert_near(localized(tester, images, process), START)
+
+
+def test_relocalize_is_refused_with_its_reason_while_images_are_ignored(start, tester):
+    start()
+    assert tester.trigger('/localizer/relocalize').success
+    assert tester.switch('/localizer/enable', False).success
+    answer = tester.trigger('/localizer/relocalize')
+    assert not answer.success
+    assert '~/enable' in answer.message
 
 
 def test_ctrl_c_amid_the_imports_is_quiet(tmp_path):

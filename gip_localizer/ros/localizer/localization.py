@@ -74,6 +74,7 @@ class Localization:
             compressed=parameters.image_transport == 'compressed',
         )
         self._parameters = parameters
+        self._next_map: RasterMap | None = None
         self._health = HealthMonitor(
             parameters.diagnostics, _map_figures(raster_map), active=active
         )
@@ -119,11 +120,35 @@ class Localization:
             f'{raster_map.resolution:g} m; waiting for {self._inputs.image_topic}'
         )
 
+    def check(self, parameters: Parameters) -> None:
+        """
+        Load another map before the one in use is given up.
+
+        Raises
+        ------
+        GipError
+            It cannot be read.
+
+        """
+        self._next_map = None
+        if parameters.map_file != self._parameters.map_file:
+            self._next_map = _map_of(parameters)
+
     def configure(self, parameters: Parameters) -> None:
-        """Take new parameters from the next frame on."""
+        """Take new parameters, or another map, from the next frame on."""
+        if parameters.map_file != self._parameters.map_file:
+            raster_map = self._next_map or _map_of(parameters)
+            self._worker.when_free(partial(self._change_map, raster_map, parameters))
+            self._next_map = None
         self._parameters = parameters
         self._health.limits = parameters.diagnostics
         self._worker.when_free(partial(self._dispatch.configure, parameters))
+
+    def _change_map(self, raster_map: RasterMap, parameters: Parameters) -> None:
+        self._dispatch.change_map(raster_map, parameters)
+        self._outputs.publish_map(raster_map)
+        self._health.fixed = _map_figures(raster_map)
+        self._say_hello(raster_map)
 
     def switch(self, on: bool) -> None:
         """Take images unless ~/enable forbids it, or ignore them."""
@@ -247,6 +272,12 @@ class Localization:
     def _on_relocalize(
         self, _request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
+        if not self._health.wanted:
+            response.success = False
+            response.message = 'images are ignored: ' + (
+                'call ~/enable with data: true' if self._health.active else 'activate the node'
+            )
+            return response
         self._worker.when_free(self._dispatch.relocalize)
         response.success = True
         response.message = 'the next frame is searched for in the whole map'
