@@ -87,9 +87,9 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            f'localizer = {PACKAGE}.ros.localizer_node:main',
-            f'synthetic_camera = {PACKAGE}.ros.synthetic_camera_node:main',
-            f'bag_player = {PACKAGE}.ros.bag_player_node:main',
+            f'localizer = {PACKAGE}.ros.entry:localizer',
+            f'synthetic_camera = {PACKAGE}.ros.entry:synthetic_camera',
+            f'bag_player = {PACKAGE}.ros.entry:bag_player',
             f'gip = {PACKAGE}.cli:main',
         ],
     },

@@ -26,9 +26,11 @@ def generate_launch_description():
     map_file = DeclareLaunchArgument('map_file', description='map: a nav2 map_server YAML file')
     world = DeclareLaunchArgument('world', default_value='road', description='world to render')
     rate = DeclareLaunchArgument('rate', default_value='10.0', description='images per second')
-    large_images = SetEnvironmentVariable(
-        'FASTRTPS_DEFAULT_PROFILES_FILE', str(SHARE / 'config' / 'fastdds.xml')
-    )
+    large_images = [
+        SetEnvironmentVariable(name, str(SHARE / 'config' / 'fastdds.xml'))
+        # Fast DDS 2 (Jazzy) reads the first, Fast DDS 3 (Kilted) the second.
+        for name in ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
+    ]
     camera = Node(
         package='gip_localizer',
         executable='synthetic_camera',
@@ -49,4 +51,4 @@ def generate_launch_description():
             'map_file': ParameterValue(LaunchConfiguration('map_file'), value_type=str),
         }],
     )
-    return LaunchDescription([map_file, world, rate, large_images, camera, localizer])
+    return LaunchDescription([map_file, world, rate, *large_images, camera, localizer])

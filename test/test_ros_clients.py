@@ -5,6 +5,10 @@
 from __future__ import annotations
 
 from itertools import cycle
+import os
+import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -13,6 +17,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
+import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from ros_scene import *  # noqa: F403 - fixtures and the world
 from ros_scene import (
@@ -24,8 +29,12 @@ from ros_scene import (
     parameters,
     send,
     START,
+    WORLD,
 )  # fmt: skip
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.io.map_files import save_map
 
 pytestmark = pytest.mark.ros
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -147,3 +156,54 @@ def test_z_and_tilt_are_those_of_the_initialpose_with_a_variance_that_no_filter_
     variances = np.diag(np.reshape(tester.with_covariance[-1].pose.covariance, (6, 6)))
     assert variances[[2, 3, 4]].tolist() == [1e6, 100.0, 100.0]
     assert tester.set('attitude.sigma_z', 2.0).successful
+
+
+def test_a_second_node_of_the_same_name_is_noticed(start, tester):
+    start()
+    other = rclpy.create_node('localizer')
+    try:
+        words = 'DUPLICATE_NAME: 2 nodes are called /localizer'
+        tester.until(lambda: tester.said('output', words), 'the other node')
+    finally:
+        other.destroy_node()
+
+
+def test_the_map_changes_while_the_node_runs_and_the_pose_is_carried_over(
+    start, tester, render, tmp_path
+):
+    process = start()
+    images = frames(render(START))
+    localized(tester, images, process)
+    refused = tester.set('map_file', '/nowhere/map.yaml')
+    assert not refused.successful
+    assert '/nowhere/map.yaml' in refused.reason
+    assert_near(localized(tester, images, process), START)
+    turned = tmp_path / 'other.yaml'
+    save_map(RasterMap(WORLD.grey[:, :-25], WORLD.resolution, WORLD.origin), turned)
+    published = len(tester.maps)
+    assert tester.set('map_file', str(turned)).successful
+    tester.until(lambda: len(tester.maps) > published, 'the other map')
+    assert tester.maps[-1].info.width == WORLD.grey.shape[1] - 25
+    assert_near(localized(tester, images, process), START)
+
+
+def test_relocalize_is_refused_with_its_reason_while_images_are_ignored(start, tester):
+    start()
+    assert tester.trigger('/localizer/relocalize').success
+    assert tester.switch('/localizer/enable', False).success
+    answer = tester.trigger('/localizer/relocalize')
+    assert not answer.success
+    assert '~/enable' in answer.message
+
+
+def test_ctrl_c_amid_the_imports_is_quiet(tmp_path):
+    command = [sys.executable, '-X', 'importtime', '-c',
+               'import sys; from gip_localizer.ros.entry import localizer; sys.exit(localizer())']
+    log = tmp_path / 'log'
+    with log.open('w') as out, subprocess.Popen(command, stderr=out, env=os.environ) as process:
+        deadline = time.monotonic() + 30.0
+        while 'numpy' not in log.read_text() and time.monotonic() < deadline:
+            time.sleep(0.005)  # the import of rclpy and SciPy is still to come
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=30) == 0
+    assert 'Traceback' not in log.read_text()

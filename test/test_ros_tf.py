@@ -30,7 +30,7 @@ from scipy.spatial.transform import Rotation
 from tf2_msgs.msg import TFMessage
 
 from gip_localizer.core.pose import Pose2, wrap_angle
-from gip_localizer.io.messages import planar_pose
+from gip_localizer.io.messages import planar_pose, stamp_ns
 from gip_localizer.ros.conversions import header_of, pose_of
 
 pytestmark = pytest.mark.ros
@@ -44,7 +44,9 @@ def start(nodes, tester, map_file, changes):
 
 
 def test_map_to_odom_takes_the_odometry_to_the_pose(nodes, tester, map_file, render):
-    process = start(nodes, tester, map_file, {'tf.publish': True, 'tf.tolerance': 0.25})
+    process = start(nodes, tester, map_file, {
+        'tf.publish': True, 'tf.tolerance': 0.25, 'tf.hold': 0.0,
+    })
     heard = []
     tester.create_subscription(TFMessage, '/tf', heard.append, 100)
     images = frames(render(START))
@@ -106,3 +108,80 @@ def test_the_camera_is_where_static_transforms_put_it(nodes, tester, map_file, r
     where.z += 3.0
     static.publish(TFMessage(transforms=[mounted]))
     assert_near(localized(tester, images, process), START)
+
+
+def posed_with_odometry(tester, render):
+    """Frames, each with the odometry at its stamp."""
+    for image in frames(render(START)):
+        odometry = Odometry(header=image.header, child_frame_id='base_link')
+        odometry.header.frame_id = 'odom'
+        odometry.pose.pose = pose_of(IN_ODOM)
+        tester.odom.publish(odometry)
+        image.header.frame_id = 'camera'
+        yield image
+
+
+def test_the_last_transform_is_sent_on_while_it_is_good_and_no_longer(
+    nodes, tester, map_file, render
+):
+    process = start(nodes, tester, map_file, {'tf.publish': True, 'tf.hold': 2.0})
+    heard = []
+    tester.create_subscription(TFMessage, '/tf', heard.append, 100)
+    images = posed_with_odometry(tester, render)
+    tester.until(lambda: localized(tester, images, process) and heard, 'a transform')
+    first = len(heard)
+    tester.until(lambda: len(heard) >= first + 5, 'the same transform again')
+    [last], [before] = heard[-1].transforms, heard[-2].transforms
+    assert last.transform == before.transform
+    ahead = stamp_ns(last.header) - stamp_ns(before.header)
+    assert 0.05 * SECOND < ahead < 2.0 * SECOND
+    tester.until(lambda: tester.said('output', 'NO_TF: no pose for tf.hold'), 'its end')
+    silent = len(heard)
+    tester.spin(0.5)
+    assert len(heard) == silent
+    assert not tester.said('output', 'TF_CONTESTED')
+
+
+def test_a_second_source_of_the_same_transform_is_noticed(nodes, tester, map_file):
+    process = start(nodes, tester, map_file, {'tf.publish': True})
+    other = tester.create_publisher(TFMessage, '/tf', 10)
+    message = TransformStamped(header=header_of(5 * SECOND, 'map'), child_frame_id='odom')
+
+    def noticed():
+        other.publish(TFMessage(transforms=[message]))
+        tester.spin(0.1)
+        return tester.said('output', 'TF_CONTESTED: map to odom')
+
+    tester.until(noticed, 'a report of the other source', alive=process)
+
+
+def test_a_bad_transform_of_another_frame_and_a_moving_mount_leave_the_camera(
+    nodes, tester, map_file, render
+):
+    nowhere = {f'camera.{name}': 0.5 for name in ('x', 'y', 'z', 'roll', 'pitch', 'yaw')}
+    process = start(nodes, tester, map_file, {**nowhere, 'camera.from_tf': True})
+    images = frames(render(START))
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    static = tester.create_publisher(TFMessage, '/tf_static', latched)
+    moving = tester.create_publisher(TFMessage, '/tf', 10)
+    bad = TransformStamped(header=header_of(0, 'base_link'), child_frame_id='horn')
+    bad.transform.rotation.w = 0.0
+    mounted = TransformStamped(header=header_of(0, 'mount'), child_frame_id='camera')
+    where, turned = mounted.transform.translation, mounted.transform.rotation
+    where.x, where.y, where.z = (float(value) for value in EXTRINSICS.position())
+    quaternion = Rotation.from_matrix(np.asarray(EXTRINSICS.rotation())).as_quat()
+    turned.x, turned.y, turned.z, turned.w = (float(value) for value in quaternion)
+    where.z -= 0.5
+    static.publish(TFMessage(transforms=[bad, mounted]))
+    hop = TransformStamped(header=header_of(0, 'base_link'), child_frame_id='mount')
+    hop.transform.translation.z, hop.transform.rotation.w = 0.5, 1.0
+
+    def came():
+        moving.publish(TFMessage(transforms=[hop]))
+        tester.info.publish(camera_info())
+        tester.image.publish(next(images))
+        tester.spin(0.1)
+        return tester.poses
+
+    tester.until(came, 'a pose', alive=process)
+    assert_near(tester.poses[-1], START)

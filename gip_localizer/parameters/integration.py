@@ -55,8 +55,11 @@ class Transforms:
 
     publish: bool = p(False, 'Publish map to odom on /tf (needs tf2_msgs and odometry); only one '
                       'node may.', read_only=True)
-    tolerance: float = p(0.1, 'How far ahead of the image the transform is stamped.', unit='s',
-                         low=0.0, high=10.0)
+    tolerance: float = p(0.5, 'How far ahead of the image the transform is stamped: the time '
+                         'between two images and their latency, at least.', unit='s', low=0.0,
+                         high=10.0)
+    hold: float = p(1.0, 'How long after a pose its transform is sent on, ten times a second; 0: '
+                    'sent once.', unit='s', low=0.0, high=60.0)
 
 
 @dataclass(frozen=True)

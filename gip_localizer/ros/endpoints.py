@@ -110,6 +110,13 @@ def publishers_of(node: Node, topic: str, qos: QoSProfile) -> str:
     return f'{count}, {"none sends" if len(found) > 1 else "which sends nothing"}'
 
 
+def namesakes(node: Node) -> str:
+    """Say how many nodes have this node's full name, where it is not the only one."""
+    own = (node.get_name(), node.get_namespace())
+    count = node.get_node_names_and_namespaces().count(own)
+    return f'{count} nodes are called {node.get_fully_qualified_name()}' if count > 1 else ''
+
+
 def advertise(node: Node, kind: type[Any], topic: str, qos: QoSProfile) -> Publisher:
     """
     Advertise, with `qos_overrides./TOPIC.publisher.{POLICY}` over `qos`.

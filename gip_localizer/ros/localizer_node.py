@@ -35,7 +35,10 @@ class LocalizerNode(Node):
 
     def __init__(self) -> None:
         super().__init__(NAME)
-        self._live = LiveParameters(self, Parameters, lambda new: self._running.configure(new))
+        self._live = LiveParameters(
+            self, Parameters, lambda new: self._running.configure(new),
+            check=lambda new: self._running.check(new),
+        )  # fmt: skip
         self._running = Localization(self, self._live.value)
 
 
@@ -55,8 +58,9 @@ class ManagedLocalizerNode(LifecycleNode):
         self._change_state, service.callback = service.callback, self._on_change_state
         self._running: Localization | None = None
         self._live = LiveParameters(
-            self, Parameters, self._retune, fixed=lambda: self._running is not None
-        )
+            self, Parameters, self._retune, fixed=lambda: self._running is not None,
+            check=lambda new: self._running.check(new) if self._running is not None else None,
+        )  # fmt: skip
 
     def _on_change_state(self, request: Any, response: Any) -> Any:
         """Refuse a transition that the state does not have; rclpy 7.1 would end the process."""

@@ -8,7 +8,8 @@ import os
 from pathlib import Path
 import sys
 
-PROFILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
+PROFILES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
+"""Fast DDS 2 (Jazzy) reads the first, Fast DDS 3 (Kilted) the second."""
 RELATIVE = Path('share/gip_localizer/config/fastdds.xml')
 
 
@@ -34,9 +35,9 @@ def profile_path() -> Path | None:
 def image_environment() -> dict[str, str]:
     """Return the variables that let large images through, unless the user has set their own."""
     path = profile_path()
-    if path is None or PROFILE in os.environ:
+    if path is None or any(name in os.environ for name in PROFILES):
         return {}
-    return {PROFILE: str(path)}
+    return dict.fromkeys(PROFILES, str(path))
 
 
 def private_graph(domain: int) -> dict[str, str]:

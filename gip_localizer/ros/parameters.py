@@ -26,7 +26,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from gip_localizer.errors import ParameterError
+from gip_localizer.errors import GipError, ParameterError
 from gip_localizer.parameters.spec import ParameterGroup, Spec
 
 Tree = TypeVar('Tree', bound=ParameterGroup)
@@ -49,6 +49,8 @@ class LiveParameters(Generic[Tree]):
         The tree; its specs give types, ranges, units and meanings.
     on_change : callable or None
         Called with the new tree after a change was taken.
+    check : callable or None
+        Called with the new tree before it is taken; raises GipError to refuse it.
     fixed : callable or None
         Whether read-only parameters are in use now; None: always. A managed node that could not
         be configured is repaired by setting them.
@@ -63,8 +65,9 @@ class LiveParameters(Generic[Tree]):
     def __init__(
         self, node: Node, kind: type[Tree], on_change: Callable[[Tree], None] | None = None,
         fixed: Callable[[], bool] | None = None,
+        check: Callable[[Tree], None] | None = None,
     ) -> None:
-        self._on_change, self._fixed = on_change, fixed
+        self._on_change, self._fixed, self._check = on_change, fixed, check
         self._names = frozenset(spec.name for spec in kind.specs())
         self._settled = frozenset(spec.name for spec in kind.specs() if spec.read_only)
         specs = kind.specs() if fixed is None else [
@@ -85,8 +88,10 @@ class LiveParameters(Generic[Tree]):
                         'clean it up first'
                     ))  # fmt: skip
         try:
-            self.value.replace(ours)
-        except ParameterError as error:
+            changed = self.value.replace(ours)
+            if self._check is not None and ours:
+                self._check(changed)
+        except GipError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 

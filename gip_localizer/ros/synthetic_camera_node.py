@@ -25,6 +25,7 @@ from gip_localizer.ros.conversions import (
     pose_stamped,
 )
 from gip_localizer.ros.endpoints import wait_for_delivery
+from gip_localizer.ros.localizer.transforms import StaticCamera
 from gip_localizer.ros.middleware import image_environment
 from gip_localizer.ros.parameters import LiveParameters
 from gip_localizer.ros.running import run_node
@@ -78,6 +79,8 @@ class SyntheticCameraNode(Node):
         self._info = self.create_publisher(CameraInfo, 'camera_info', queue)
         self._odom = self.create_publisher(Odometry, 'odom', QoSProfile(depth=100))
         self._truth = self.create_publisher(PoseStamped, 'ground_truth', QoSProfile(depth=100))
+        self._mount = StaticCamera(self, settings.frames.base, CAMERA_FRAME)
+        self._mount.place(settings.camera)
         self._set_out = False
         self._behind_ns = 0
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -95,6 +98,7 @@ class SyntheticCameraNode(Node):
         camera.parameters = settings
         if settings.camera != held:
             # The camera is held elsewhere: the next one is built with the next frame.
+            self._mount.place(settings.camera)
             del self._drive.synthetic_camera
 
     def _ready(self) -> bool:

@@ -212,8 +212,12 @@ OUTPUT = DiagnosticGroup('output', (
     Rule('WAITING', W, 'no frame has been localized yet'),
     Rule('WITHHELD', E, 'the last frame gave no pose; the message names the status that tells '
          'why'),
-    Rule('NO_TF', W, 'tf.publish is set, and the transform cannot be published; poses are',
-         withheld=False),
+    Rule('NO_TF', W, 'tf.publish is set, and there was no odometry at the image, or no pose for '
+         'tf.hold; poses are published', withheld=False),
+    Rule('TF_CONTESTED', W, 'another node publishes the transform from frames.map to frames.odom '
+         '(said for 10 s)', withheld=False),
+    Rule('DUPLICATE_NAME', W, 'another node has the same name: parameters and services reach '
+         'either', withheld=False),
 ), {
     'published': ('', 'poses that went out'),
     'availability': ('', 'share of the frames that gave a pose'),

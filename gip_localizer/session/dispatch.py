@@ -99,6 +99,7 @@ class Dispatch:
         self._parameters = parameters
         self._log = log
         self._keeper: StateKeeper | None = None
+        self._warn: Callable[[str], object] = log
         decode = self.frontend.on_compressed_image if compressed else self.frontend.on_image
         self._decode: Callable[[Any, Masked | None], Estimate] = decode
         self._others: dict[str, Callable[[Any], None]] = {
@@ -109,8 +110,9 @@ class Dispatch:
         if parameters.mask.from_topic:
             self._pairing = MaskPairing(lambda: self.frontend.parameters.mask)
 
-    def keep_state(self, warn: Callable[[str], None]) -> None:
+    def keep_state(self, warn: Callable[[str], object]) -> None:
         """Restore the pose of `state_file` and write it from now on; `warn` takes its faults."""
+        self._warn = warn
         self._keeper = StateKeeper(self.frontend.localizer, warn)
 
     def follow_transforms(self, report: Callable[[str], object]) -> CameraMount:
@@ -124,6 +126,15 @@ class Dispatch:
         known = None if self.mount is None else self.mount.known
         self.frontend.configure(placed(parameters, known))
         self.attitude.settings = parameters.attitude
+
+    def change_map(self, raster_map: RasterMap, parameters: Parameters) -> None:
+        """Go on with another map, from the next frame on."""
+        self.configure(parameters)
+        self.frontend.change_map(raster_map, self.frontend.parameters)
+        if self._keeper is not None:
+            self.keep_state(self._warn)
+        if parameters.map_keeps_pose:
+            self._forget_restored()
 
     def relocalize(self) -> None:
         """Search the whole map at the next frame; a restored pose is not used any more."""

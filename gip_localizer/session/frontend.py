@@ -99,6 +99,15 @@ class Frontend:
         self.localizer.configure(parameters)
         self._camera = None
 
+    def change_map(self, raster_map: RasterMap, parameters: Parameters) -> None:
+        """Localize on another map; the state of the drive stays if `map_keeps_pose` says so."""
+        state = self.localizer.state
+        self.localizer = Localizer(raster_map, parameters)
+        if parameters.map_keeps_pose:
+            self.localizer.state = state
+            self.localizer.configure(parameters)
+        self._camera = None
+
     def relocalize(self) -> None:
         """Search the whole map at the next frame."""
         self.localizer.relocalize()

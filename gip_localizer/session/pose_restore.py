@@ -44,7 +44,7 @@ class StateKeeper:
     """
 
     def __init__(
-        self, localizer: Localizer, tell: Callable[[str], None],
+        self, localizer: Localizer, tell: Callable[[str], object],
         wall: Callable[[], float] = time.time,
     ) -> None:
         parameters = localizer.parameters

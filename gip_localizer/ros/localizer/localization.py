@@ -25,6 +25,7 @@ from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.errors import ParameterError
 from gip_localizer.io.map_files import load_map
 from gip_localizer.parameters import Parameters
+from gip_localizer.ros.endpoints import namesakes
 from gip_localizer.ros.localizer.diagnostics import DiagnosticsPublisher
 from gip_localizer.ros.localizer.publishers import Outputs
 from gip_localizer.ros.localizer.subscriptions import Inputs
@@ -39,6 +40,8 @@ from gip_localizer.session.pose_file import map_hash
 LOOK = 0.2
 """Seconds between two looks at what has become silent."""
 LOOKS_PER_REPORT = 5
+SENT_ON = 0.1
+"""Seconds between two sendings of the transform from map to odom."""
 MOUNT_LOG = 60.0
 """Least seconds between two lines of the log about a camera that TF moves."""
 
@@ -71,6 +74,7 @@ class Localization:
             compressed=parameters.image_transport == 'compressed',
         )
         self._parameters = parameters
+        self._next_map: RasterMap | None = None
         self._health = HealthMonitor(
             parameters.diagnostics, _map_figures(raster_map), active=active
         )
@@ -85,7 +89,11 @@ class Localization:
         self._worker: Worker[Estimate] = Worker(node)
         self._tf = None
         if self._parameters.tf.publish:
-            self._tf = MapToOdom(node, frames.map, frames.odom)
+            self._tf = MapToOdom(node, frames.map, frames.odom, partial(
+                self._health.happened, 'TF_CONTESTED'
+            ))  # fmt: skip
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
+            node.create_timer(SENT_ON, self._send_transform_on, clock=steady)
         if self._parameters.camera.from_tf:
             mount = self._dispatch.follow_transforms(self._report_camera)
             follow(node, lambda message: self._worker.when_free(
@@ -112,11 +120,35 @@ class Localization:
             f'{raster_map.resolution:g} m; waiting for {self._inputs.image_topic}'
         )
 
+    def check(self, parameters: Parameters) -> None:
+        """
+        Load another map before the one in use is given up.
+
+        Raises
+        ------
+        GipError
+            It cannot be read.
+
+        """
+        self._next_map = None
+        if parameters.map_file != self._parameters.map_file:
+            self._next_map = _map_of(parameters)
+
     def configure(self, parameters: Parameters) -> None:
-        """Take new parameters from the next frame on."""
+        """Take new parameters, or another map, from the next frame on."""
+        if parameters.map_file != self._parameters.map_file:
+            raster_map = self._next_map or _map_of(parameters)
+            self._worker.when_free(partial(self._change_map, raster_map, parameters))
+            self._next_map = None
         self._parameters = parameters
         self._health.limits = parameters.diagnostics
         self._worker.when_free(partial(self._dispatch.configure, parameters))
+
+    def _change_map(self, raster_map: RasterMap, parameters: Parameters) -> None:
+        self._dispatch.change_map(raster_map, parameters)
+        self._outputs.publish_map(raster_map)
+        self._health.fixed = _map_figures(raster_map)
+        self._say_hello(raster_map)
 
     def switch(self, on: bool) -> None:
         """Take images unless ~/enable forbids it, or ignore them."""
@@ -190,12 +222,18 @@ class Localization:
             return
         pose_filter = self._dispatch.frontend.localizer.state.pose_filter
         odometry = pose_filter.odometry.pose_at(estimate.stamp_ns)
-        if odometry is None:
-            self._health.lasting['NO_TF'] = 'no odometry at the stamp of the image'
+        self._lasts('NO_TF', '' if odometry else 'no odometry at the stamp of the image')
+        if odometry is not None:
+            self._tf.publish(estimate.stamp_ns, self._now_ns(), self._parameters.tf.tolerance,
+                             estimate.pose, odometry)
+
+    def _send_transform_on(self) -> None:
+        """Send the last transform on while it is good, for slow cameras and withheld frames."""
+        settings, state = self._parameters.tf, self._health
+        if not (self._tf and settings.hold and state.published) or 'NO_TF' in state.lasting:
             return
-        self._health.lasting.pop('NO_TF', None)
-        tolerance = self._parameters.tf.tolerance
-        self._tf.publish(estimate.stamp_ns, tolerance, estimate.pose, odometry)
+        if not self._tf.send_on(self._now_ns(), settings.tolerance, settings.hold):
+            self._lasts('NO_TF', f'no pose for tf.hold, {settings.hold:g} s')
 
     def _report_camera(self, place: str) -> None:
         self._node.get_logger().info(f'camera from TF: {place}', throttle_duration_sec=MOUNT_LOG)
@@ -223,6 +261,8 @@ class Localization:
         self._health.simulated = bool(self._node.get_clock().ros_time_is_active)
         self._health.clock_shows(self._now_ns())
         self._hear()
+        if self._looks % LOOKS_PER_REPORT == 0:
+            self._lasts('DUPLICATE_NAME', namesakes(self._node))
         self._looks += 1
         if self._looks % LOOKS_PER_REPORT == 1:
             self._diagnostics.tell()
@@ -232,6 +272,12 @@ class Localization:
     def _on_relocalize(
         self, _request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
+        if not self._health.wanted:
+            response.success = False
+            response.message = 'images are ignored: ' + (
+                'call ~/enable with data: true' if self._health.active else 'activate the node'
+            )
+            return response
         self._worker.when_free(self._dispatch.relocalize)
         response.success = True
         response.message = 'the next frame is searched for in the whole map'

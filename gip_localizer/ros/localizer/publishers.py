@@ -61,7 +61,12 @@ class Outputs:
         self._comparison = advertise(node, Image, '~/comparison', qos_profile_sensor_data)
         self._overlay = advertise(node, Image, '~/overlay', qos_profile_sensor_data)
         self._map = advertise(node, OccupancyGrid, 'map', latched)
-        self._map.publish(occupancy_grid(self._now_ns(), frame, raster_map))
+        self.publish_map(raster_map)
+
+    def publish_map(self, raster_map: RasterMap) -> None:
+        """Publish a map, for those who come later too, and draw pictures over it from now on."""
+        self._raster_map = raster_map
+        self._map.publish(occupancy_grid(self._now_ns(), self._frame, raster_map))
 
     def publish(self, estimate: Estimate, elapsed_ms: float, attitude: AttitudeSource) -> None:
         """Publish a pose, if the estimate holds one, and the figures of the frame."""

@@ -10,15 +10,21 @@ odom follows from a pose and the odometry at its stamp.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
+from scipy.spatial.transform import Rotation
 
+from gip_localizer.core.camera.model import Extrinsics
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import ParameterError
+from gip_localizer.io.messages import stamp_ns
+from gip_localizer.parameters import Camera
 from gip_localizer.ros.conversions import header_of, pose_of
 
 try:
@@ -27,6 +33,8 @@ except ImportError:  # neither in the wheels nor in a plain install of rclpy
     TFMessage = None
 
 NS = 1_000_000_000
+OWN = 200
+"""Stamps of own transforms that are remembered: they come back on /tf."""
 
 
 def require_transforms(parameter: str) -> None:
@@ -47,21 +55,42 @@ def require_transforms(parameter: str) -> None:
 
 
 class MapToOdom:
-    """Publishes the transform from odom to map, stamped ahead so that it holds until the next."""
+    """
+    Publishes the transform from odom to map, stamped ahead so that it holds until the next.
 
-    def __init__(self, node: Node, map_frame: str, odom_frame: str) -> None:
+    Parameters
+    ----------
+    node : Node
+        Publishes.
+    map_frame, odom_frame : str
+        Of the transform.
+    contested : callable
+        Called with the transform's name where another node publishes it too.
+
+    """
+
+    def __init__(
+        self, node: Node, map_frame: str, odom_frame: str, contested: Callable[[str], None]
+    ) -> None:
         require_transforms('tf.publish')
         self._frames = (map_frame, odom_frame)
+        self._contested = contested
         self._publisher = node.create_publisher(TFMessage, '/tf', QoSProfile(depth=100))
+        node.create_subscription(TFMessage, '/tf', self._listen, QoSProfile(depth=10), raw=True)
+        self._last: TransformStamped | None = None
+        self._stamp_ns = self._sent_ns = 0
+        self._own: deque[int] = deque(maxlen=OWN)
 
-    def publish(self, stamp_ns: int, tolerance: float, base: Pose2, odometry: Pose2) -> None:
+    def publish(
+        self, stamp_ns: int, now_ns: int, tolerance: float, base: Pose2, odometry: Pose2
+    ) -> None:
         """
         Publish one transform.
 
         Parameters
         ----------
-        stamp_ns : int
-            Of the image.
+        stamp_ns, now_ns : int
+            Of the image, and of the node's clock.
         tolerance : float
             How far ahead it is stamped, seconds.
         base, odometry : Pose2
@@ -69,11 +98,70 @@ class MapToOdom:
 
         """
         pose = pose_of(base @ odometry.inverse())
-        header = header_of(stamp_ns + round(tolerance * NS), self._frames[0])
-        message = TransformStamped(header=header, child_frame_id=self._frames[1])
+        message = TransformStamped(child_frame_id=self._frames[1])
         at = message.transform.translation
         at.x, at.y, at.z = pose.position.x, pose.position.y, 0.0
         message.transform.rotation = pose.orientation
+        self._last, self._stamp_ns, self._sent_ns = message, stamp_ns, now_ns
+        self._send(stamp_ns + round(tolerance * NS))
+
+    def send_on(self, now_ns: int, tolerance: float, hold: float) -> bool:
+        """Send the last transform again, as of now; return whether it may still be used."""
+        elapsed = now_ns - self._sent_ns
+        if self._last is None or not 0 <= elapsed <= round(hold * NS):
+            return False
+        if elapsed:
+            self._send(self._stamp_ns + elapsed + round(tolerance * NS))
+        return True
+
+    def _send(self, stamp_ns: int) -> None:
+        assert self._last is not None
+        self._own.append(stamp_ns)
+        self._last.header = header_of(stamp_ns, self._frames[0])
+        self._publisher.publish(TFMessage(transforms=[self._last]))
+
+    def _listen(self, serialized: bytes) -> None:
+        """Look for the same transform of another node; most messages are not even unpacked."""
+        if self._frames[1].encode() not in serialized:
+            return
+        for one in deserialize_message(serialized, TFMessage).transforms:
+            frames = (one.header.frame_id.lstrip('/'), one.child_frame_id.lstrip('/'))
+            if frames == self._frames and stamp_ns(one.header) not in self._own:
+                self._contested(' to '.join(frames))
+
+
+class StaticCamera:
+    """
+    Publishes on /tf_static where a camera is held; does nothing without tf2_msgs.
+
+    Parameters
+    ----------
+    node : Node
+        Publishes.
+    base, optical : str
+        Frames of the vehicle, and of the camera (z forward, x right, y down).
+
+    """
+
+    def __init__(self, node: Node, base: str, optical: str) -> None:
+        self._node, self._frames = node, (base, optical)
+        self._publisher = None
+        if TFMessage is not None:
+            latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            self._publisher = node.create_publisher(TFMessage, '/tf_static', latched)
+
+    def place(self, camera: Camera) -> None:
+        """Publish a new place."""
+        if self._publisher is None:
+            return
+        base, optical = self._frames
+        held = Extrinsics(camera.x, camera.y, camera.z, camera.roll, camera.pitch, camera.yaw)
+        now = int(self._node.get_clock().now().nanoseconds)
+        message = TransformStamped(header=header_of(now, base), child_frame_id=optical)
+        at, turned = message.transform.translation, message.transform.rotation
+        at.x, at.y, at.z = (float(value) for value in held.position())
+        quaternion = Rotation.from_matrix(held.rotation()).as_quat()
+        turned.x, turned.y, turned.z, turned.w = (float(value) for value in quaternion)
         self._publisher.publish(TFMessage(transforms=[message]))
 
 
