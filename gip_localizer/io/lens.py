@@ -30,9 +30,9 @@ def lens(model: str, D: Floats) -> tuple[str, Floats]:
     Returns
     -------
     model : str
-        As named; plumb_bob where a rational one has no more numbers than that, and where a
-        fisheye has zeros of another length: plumb_bob's five mean no lens at all (as image_geometry
-        takes them), and only its own four an ideal fisheye.
+        As named; plumb_bob where a rational model has no more numbers than that, and where a
+        fisheye has zeros of another length: five zeros mean no distortion (as in image_geometry),
+        and only four zeros an ideal fisheye.
     D : (m,) float64
         Of a length that the model takes, where there is one.
 
