@@ -31,8 +31,8 @@ def lens(model: str, D: Floats) -> tuple[str, Floats]:
     -------
     model : str
         As named; plumb_bob where a rational one has no more numbers than that, and where a
-        fisheye has zeros of another length: plumb_bob's five mean no lens at all (as image_geometry
-        takes them), and only its own four an ideal fisheye.
+        fisheye has zeros of another length: plumb_bob's five mean no lens at all (as
+        image_geometry takes them), and only its own four an ideal fisheye.
     D : (m,) float64
         Of a length that the model takes, where there is one.
 
