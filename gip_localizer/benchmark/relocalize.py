@@ -26,7 +26,7 @@ from gip_localizer.benchmark.scene import camera, Scene
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.pose import difference, Pose2
 
-AREAS = {'1 ha': 100.0, '10 ha': 316.0}
+AREAS = {'1 ha': 100.0}
 """Sides of square maps, metres."""
 FRAME_NS = 10**10
 RIGHT_M, RIGHT_YAW = 0.5, math.radians(2.0)

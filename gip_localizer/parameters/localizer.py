@@ -177,7 +177,8 @@ class Recovery:
     confirm_frames: int = p(3, 'Frames that must agree before a found pose is published.', low=1,
                             high=1000)
     yaw_step: float = p(0.035, 'Step in heading of the search.', unit='rad', low=0.01, high=0.5)
-    cell: float = p(0.2, 'Side of the smallest cells of the search, coarse to fine.', unit='m', low=0.01, high=5.0)
+    cell: float = p(0.2, 'Side of the smallest cells of the search, coarse to fine.', unit='m',
+                    low=0.01, high=5.0)
 
 
 @dataclass(frozen=True)
