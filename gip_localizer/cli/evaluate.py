@@ -15,7 +15,7 @@ from gip_localizer.parameters.yaml_files import user_path
 if TYPE_CHECKING:
     from gip_localizer.evaluation.suites.output import Evaluation
 
-SUITES = ('conditions', 'integrity', 'cmrnet', 'bound', 'relocalize', 'lane')
+SUITES = ('conditions', 'model-error', 'integrity', 'cmrnet', 'bound', 'relocalize', 'lane')
 DEFAULT_OUT = Path('results/evaluate')
 
 

@@ -24,9 +24,10 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.io.map_files import load_map
 from gip_localizer.synthetic.motions import make_motion, Motion
 from gip_localizer.synthetic.parameters import Ground, SyntheticCameraParameters
+from gip_localizer.synthetic.road_shape import make_shape
 from gip_localizer.synthetic.synthetic_camera import SyntheticCamera
 from gip_localizer.synthetic.wheel_odometry import odometry_readings, OdometryReading
-from gip_localizer.synthetic.world_changes import changed
+from gip_localizer.synthetic.world_changes import changed, relaid
 from gip_localizer.synthetic.worlds import (
     map_of,
     map_world,
@@ -106,7 +107,10 @@ class SyntheticDrive:
         ground, raster = self.parameters.world, self.world.raster
         if ground.changed > 0.0:
             raster = changed(raster, ground.changed, seed=ground.seed)
-        return SyntheticCamera(self.parameters, raster)
+        if ground.relaid > 0.0:
+            raster = relaid(raster, ground.relaid, seed=ground.seed)
+        shape = make_shape(ground, raster, self.world.lane)
+        return SyntheticCamera(self.parameters, raster, shape=shape)
 
     @property
     def camera(self) -> CameraModel:

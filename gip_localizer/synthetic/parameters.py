@@ -36,6 +36,14 @@ class Ground:
                               high=0.45, read_only=True)
     changed: float = p(0.0, 'Fraction of the area that changed after mapping.', low=0.0,
                        high=0.9, read_only=True)
+    relaid: float = p(0.0, 'Share of the area with new asphalt since, its paint kept.', low=0.0,
+                      high=0.9, read_only=True)
+    crown: float = p(0.0, 'Cross slope to both sides of the centre line.', unit='rad', low=0.0,
+                     high=0.1, read_only=True)
+    grade: float = p(0.0, 'Change of the slope along the road over 30 m.', unit='rad', low=0.0,
+                     high=0.2, read_only=True)
+    bank: float = p(0.0, 'Cross slope of the curves.', unit='rad', low=0.0, high=0.15,
+                    read_only=True)
 
 
 @dataclass(frozen=True)
@@ -65,7 +73,12 @@ class Sensor:
     full_well: float = p(10000.0, 'Electrons at full scale; 0 disables shot noise.', low=0.0,
                          high=1e9)
     read_noise: float = p(0.004, 'Standard deviation of white noise.', low=0.0, high=10.0)
-    exposure_time: float = p(0.002, 'Exposure time, which causes motion blur.', unit='s',
+    gamma: float = p(1.0, 'Tone curve: values are raised to this power.', low=0.2, high=5.0)
+    hunting: float = p(0.0, 'Exposure from frame to frame, standard deviation of its logarithm.',
+                       low=0.0, high=1.0)
+    readout_time: float = p(0.0, 'Time between the first and the last row (rolling shutter).',
+                            unit='s', low=0.0, high=0.2)
+    exposure_time: float = p(0.002, 'Time in which the image smears with the motion.', unit='s',
                              low=0.0, high=1.0)
     bits: int = p(8, 'Bits per pixel, 8 or 16.', low=8, high=16, read_only=True)
 

@@ -10,7 +10,8 @@ intersected with the road plane; the pixel is the mean of the world at these poi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import cv2
 import numpy as np
@@ -29,6 +30,7 @@ from gip_localizer.synthetic.pixel_sampling import (
     sample_groups,
     SampleGroup,
 )
+from gip_localizer.synthetic.road_shape import place_of, RoadShape
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
@@ -52,8 +54,10 @@ class Renderer:
     camera : CameraModel
         Lens and nominal pose in the base frame.
     exact : bool
-        True: sample the world itself densely (seconds per frame; for tests). False: use the image
-        pyramid, for live use.
+        True: dense samples of the world itself (seconds per frame; for tests). False: the
+        image pyramid, for live use.
+    shape : RoadShape or None
+        Heights of the road; None: it is flat. The exact renderer knows flat roads only.
 
     Raises
     ------
@@ -62,7 +66,10 @@ class Renderer:
 
     """
 
-    def __init__(self, world: RasterMap, camera: CameraModel, *, exact: bool = False) -> None:
+    def __init__(
+        self, world: RasterMap, camera: CameraModel, *, exact: bool = False,
+        shape: RoadShape | None = None,
+    ) -> None:
         if max(world.grey.shape) > 32766:
             raise MapError(
                 f'world of {world.grey.shape[1]} x {world.grey.shape[0]} cells; '
@@ -70,6 +77,7 @@ class Renderer:
             )
         self.camera = camera
         self.exact = exact
+        self._shape = shape
         self._world = world
         self._grid = PixelGrid(camera)
         self._upper = _upper_pixels(self._grid, camera)
@@ -101,7 +109,9 @@ class Renderer:
         R_base_camera = self._rotation(extrinsics)
         image = np.zeros(self._grid.shape[0] * self._grid.shape[1], np.float32)
         H_cell_ray = self._cells_from_rays(pose, extrinsics, R_base_camera)
-        look_up = self._look_up_exact if self.exact else self._look_up
+        look_up = self._look_up_exact if self.exact else partial(
+            self._look_up, meet=self._meeting(pose, extrinsics)
+        )
         for group in self._groups or self._chunks():
             image[group.pixels] = look_up(group, H_cell_ray)
         self._paint_sky(image, R_base_camera)
@@ -139,13 +149,31 @@ class Renderer:
         to_cell = np.array([[scale, 0.0, -0.5], [0.0, -scale, rows - 0.5], [0.0, 0.0, 1.0]])
         return np.asarray(to_cell @ to_grid @ road, float)
 
-    def _look_up(self, group: SampleGroup, H_cell_ray: Floats) -> Floats32:
-        """Return the mean of the samples of each pixel in a group, (m,)."""
+    def _meeting(
+        self, pose: Pose2, extrinsics: Extrinsics
+    ) -> Callable[[Floats32], Floats32] | None:
+        """Return what moves cells of the tangent plane to where the rays meet the road."""
+        if self._shape is None:
+            return None
+        base, axes = place_of(self._world, pose)
+        camera = base + np.array([extrinsics.x, extrinsics.y]) @ axes
+        plane = self._shape.tangent(base, axes)
+        return partial(self._shape.met, camera=camera, height=extrinsics.z, plane=plane)
+
+    def _look_up(
+        self, group: SampleGroup, H_cell_ray: Floats, *,
+        meet: Callable[[Floats32], Floats32] | None,
+    ) -> Floats32:
+        """Return the mean sample of each of a group's pixels, (m,)."""
         samples, count = group.samples, len(group.pixels)
         shrink = 0.5**group.level
-        to_level = np.diag([shrink, shrink, 1.0])
-        to_level[:2, 2] = 0.5 * shrink - 0.5
-        cells = cv2.perspectiveTransform(group.rays, to_level @ H_cell_ray)
+        if meet is None:
+            to_level = np.diag([shrink, shrink, 1.0])
+            to_level[:2, 2] = 0.5 * shrink - 0.5
+            cells = np.asarray(cv2.perspectiveTransform(group.rays, to_level @ H_cell_ray))
+        else:
+            cells = meet(np.asarray(cv2.perspectiveTransform(group.rays, H_cell_ray)))
+            cells = cells * np.float32(shrink) + np.float32(0.5 * shrink - 0.5)
         values = cv2.remap(
             self._levels[group.level], cells, None, cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_CONSTANT, borderValue=OFF_MAP,

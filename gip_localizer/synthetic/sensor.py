@@ -5,7 +5,7 @@ The sensor model: vignetting, exposure, shot and read noise, clipping, quantizat
 
     value = offset + gain · vignetting · scene                (1.0 is full scale)
     variance = value / full_well + read_noise²                 (shot noise: Poisson's variance)
-    output = round(white · clip(value + √variance · n, 0, 1))
+    output = round(white · clip((value + √variance · n)^gamma, 0, 1))
 
 The noise of a frame depends only on (seed, frame index), so every frame is reproducible.
 
@@ -41,6 +41,8 @@ class SensorModel:
         noise.
     bits : int
         8 or 16.
+    gamma : float
+        Power that the noisy values are raised to: the tone curve of the camera's own processing.
 
     """
 
@@ -50,6 +52,7 @@ class SensorModel:
     full_well: float = 0.0
     read_noise: float = 0.0
     bits: int = 8
+    gamma: float = 1.0
 
     def __post_init__(self) -> None:
         """Refuse a bit depth that no image message has."""
@@ -89,6 +92,8 @@ class SensorModel:
             rng = np.random.default_rng([seed, frame])
             noise = rng.standard_normal(values.shape, dtype=np.float32)
             values += noise * self._deviation(values)
+        if self.gamma != 1.0:
+            np.power(np.maximum(values, 0.0), np.float32(self.gamma), out=values)
         values *= np.float32(self.white)
         np.clip(values + np.float32(0.5), 0, self.white, out=values)
         return values.astype(np.uint8 if self.bits == 8 else np.uint16)

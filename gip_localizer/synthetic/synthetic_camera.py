@@ -17,15 +17,16 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.synthetic.motions import Twist2
 from gip_localizer.synthetic.parameters import Lens, SyntheticCameraParameters
 from gip_localizer.synthetic.renderer import Renderer
+from gip_localizer.synthetic.road_shape import RoadShape
 from gip_localizer.synthetic.sensor import SensorModel
 from gip_localizer.synthetic.traffic import Car, cars_hiding, draw_cars
 from gip_localizer.synthetic.weather import add_glare, add_rain, add_shadows
 
 Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
-_TRAFFIC_STREAM, _WEATHER_STREAM, _BUMP_STREAM = 7002, 7003, 7004
-"""Seeds of the random streams (no unit); any numbers that no other stream uses."""
+_TRAFFIC_STREAM, _WEATHER_STREAM, _BUMP_STREAM, _EXPOSURE_STREAM = 7002, 7003, 7004, 7005
 _PLATOON = 40
 """Number of frames after which the cars in view are replaced; chosen."""
 _MOST_EXPOSURES = 16
@@ -66,16 +67,19 @@ class SyntheticCamera:
     world : RasterMap
         The world as it is now, changes included.
     exact : bool
-        True: sample densely, which takes seconds per frame.
+        True: dense sampling, seconds per frame.
+    shape : RoadShape or None
+        Heights of the road; None: flat.
 
     """
 
     def __init__(
-        self, parameters: SyntheticCameraParameters, world: RasterMap, *, exact: bool = False
+        self, parameters: SyntheticCameraParameters, world: RasterMap, *, exact: bool = False,
+        shape: RoadShape | None = None,
     ) -> None:
         self.parameters = parameters
         self.camera = CameraModel.given(make_calibration(parameters.lens), parameters.camera)
-        self._renderer = Renderer(world, self.camera, exact=exact)
+        self._renderer = Renderer(world, self.camera, exact=exact, shape=shape)
         self._resolution = world.resolution
         self._platoons: dict[int, list[Car]] = {}
 
@@ -104,7 +108,7 @@ class SyntheticCamera:
         """
         settings = self.parameters
         extrinsics = self.extrinsics_at(time)
-        scene = self._renderer.render_moving(self._exposures(pose, twist), extrinsics)
+        scene = self._scene(pose, twist, extrinsics)
         hidden = None
         if settings.disturbance.cars > 0.0:
             held = self.camera.with_extrinsics(extrinsics)
@@ -116,6 +120,9 @@ class SyntheticCamera:
             add_rain(scene, settings.disturbance.rain, rng)
         if settings.disturbance.glare > 0.0:
             add_glare(scene, settings.disturbance.glare, 0.5 + 0.3 * math.cos(pose.yaw))
+        if settings.sensor.hunting > 0.0:
+            rng = np.random.default_rng([settings.seed, _EXPOSURE_STREAM, frame])
+            scene *= np.float32(math.exp(settings.sensor.hunting * rng.standard_normal()))
         image = self._sensor().capture(scene, settings.seed, frame)
         return Capture(image, extrinsics, hidden)
 
@@ -132,18 +139,30 @@ class SyntheticCamera:
             z=nominal.z + swing.height * float(waves[2]),
         )
 
+    def _scene(self, pose: Pose2, twist: Twist2 | None, extrinsics: Extrinsics) -> Floats32:
+        """Return what is exposed: at once, or strip by strip as the rows are read out."""
+        readout = self.parameters.sensor.readout_time
+        if twist is None or readout == 0.0:
+            return self._renderer.render_moving(self._exposures(pose, twist), extrinsics)
+        rows = self.parameters.lens.height
+        count = min(1 + int(_reach(twist) * readout / (0.5 * self._resolution)), _MOST_EXPOSURES)
+        ends = np.linspace(0, rows, count + 1).astype(int)
+        scene = np.zeros((rows, self.parameters.lens.width), np.float32)
+        for first, end in zip(ends[:-1], ends[1:], strict=True):
+            since = readout * (0.5 * (first + end - 1) / (rows - 1) - 0.5)
+            moved = _driven(pose, twist, since)
+            strip = self._renderer.render_moving(self._exposures(moved, twist), extrinsics)
+            scene[first:end] = strip[first:end]
+        return scene
+
     def _exposures(self, pose: Pose2, twist: Twist2 | None) -> list[Pose2]:
         """Return poses during the exposure, about half a cell apart, for smooth motion blur."""
         span = self.parameters.sensor.exposure_time
         if twist is None or span == 0.0:
             return [pose]
-        reach = math.hypot(twist.forward, twist.left) + 10.0 * abs(twist.turn)
-        count = min(1 + int(reach * span / (0.5 * self._resolution)), _MOST_EXPOSURES)
+        count = min(1 + int(_reach(twist) * span / (0.5 * self._resolution)), _MOST_EXPOSURES)
         times = span * ((np.arange(count) + 0.5) / count - 0.5)
-        return [
-            pose @ Pose2(twist.forward * t, twist.left * t, twist.turn * t)
-            for t in times.tolist()
-        ]
+        return [_driven(pose, twist, t) for t in times.tolist()]
 
     def _traffic(self, frame: int) -> list[Car]:
         """Return the cars around the vehicle; they move slowly until they are replaced."""
@@ -160,7 +179,19 @@ class SyntheticCamera:
 
     def _sensor(self) -> SensorModel:
         s = self.parameters.sensor
-        return SensorModel(s.gain, s.offset, s.vignetting, s.full_well, s.read_noise, s.bits)
+        return SensorModel(
+            s.gain, s.offset, s.vignetting, s.full_well, s.read_noise, s.bits, s.gamma
+        )
+
+
+def _reach(twist: Twist2) -> float:
+    """Return how fast (m/s, about) the road in view moves."""
+    return math.hypot(twist.forward, twist.left) + 10.0 * abs(twist.turn)
+
+
+def _driven(pose: Pose2, twist: Twist2, seconds: float) -> Pose2:
+    """Return a pose some seconds later."""
+    return pose @ Pose2(twist.forward * seconds, twist.left * seconds, twist.turn * seconds)
 
 
 def make_calibration(lens: Lens) -> Calibration:

@@ -21,6 +21,8 @@ from gip_localizer.synthetic.asphalt import asphalt
 from gip_localizer.synthetic.canvas import Canvas, paint, rectangle
 from gip_localizer.synthetic.texture import smooth_step, value_noise
 
+PAINTED = (0.42, 0.52)
+"""Reflectance from which ground is paint in part, and in full."""
 Floats32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
@@ -55,6 +57,34 @@ def changed(world: RasterMap, share: float, *, seed: int) -> RasterMap:
     paint(grey, worn, _worn(grey, canvas, rng))
     paint(grey, repaired, asphalt(canvas, rng, max(0.85 * level, 0.1)))
     _litter(grey, canvas, worn > 0.5, rng)
+    return replace(world, grey=np.clip(grey, 0.0, 1.0).astype(np.float32))
+
+
+def relaid(world: RasterMap, share: float, *, seed: int) -> RasterMap:
+    """
+    Return the world with new asphalt on a share of its area, and its paint where it was.
+
+    Parameters
+    ----------
+    world : RasterMap
+        As it was mapped.
+    share : float
+        Share of the area, in patches of one to four metres.
+    seed : int
+        Same seed, same patches.
+
+    Returns
+    -------
+    RasterMap
+        float32, same grid.
+
+    """
+    rng = np.random.default_rng([seed, 3])
+    grey = np.asarray(world.grey, np.float32) / np.float32(WHITE[world.grey.dtype])
+    canvas = Canvas((grey.shape[0], grey.shape[1]), world.resolution)
+    unpainted = np.float32(1.0) - smooth_step(grey, PAINTED[0], PAINTED[1])
+    spots = _spots(canvas, share, rng) * unpainted
+    paint(grey, spots, asphalt(canvas, rng, max(0.85 * float(np.median(grey)), 0.1)))
     return replace(world, grey=np.clip(grey, 0.0, 1.0).astype(np.float32))
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 import math
 
+from gip_localizer.evaluation.suites.model_errors import Miscalibration
 from gip_localizer.parameters.spec import Value
 
 CAR_CAMERA: dict[str, Value] = {'camera.z': 1.5, 'camera.pitch': math.radians(15.0)}
@@ -44,7 +45,11 @@ class Setup:
     ground : str
         Change of the world before it is mapped (a name of `grounds.GROUNDS`).
     map_noise : float
-        Standard deviation of the errors of map cells, grey levels of [0, 1].
+        Standard deviation of what the map's cells are off, grey levels of [0, 1].
+    map_warp : float
+        Root mean square (m) of a smooth displacement of what the map shows.
+    miscalibration : Miscalibration
+        How far the localizer's calibration is off.
 
     """
 
@@ -55,6 +60,8 @@ class Setup:
     localizer: dict[str, Value] = field(default_factory=dict)
     ground: str = 'as made'
     map_noise: float = 0.0
+    map_warp: float = 0.0
+    miscalibration: Miscalibration = Miscalibration()
 
 
 @dataclass(frozen=True, kw_only=True)

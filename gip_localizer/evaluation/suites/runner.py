@@ -14,6 +14,7 @@ from gip_localizer.core.threads import use_one_thread
 from gip_localizer.evaluation.suites.cramer_rao import CramerRao
 from gip_localizer.evaluation.suites.integrity import Integrity
 from gip_localizer.evaluation.suites.lane import Lane
+from gip_localizer.evaluation.suites.model_error import ModelErrors
 from gip_localizer.evaluation.suites.relocalize import Relocalize
 from gip_localizer.evaluation.suites.single_frame import SingleFrame
 from gip_localizer.evaluation.suites.suite import Record, Suite
@@ -23,7 +24,9 @@ from gip_localizer.parameters.spec import Value
 
 SUITES: dict[str, Suite] = {
     suite.name: suite
-    for suite in (SingleFrame(), Integrity(), WideStart(), CramerRao(), Relocalize(), Lane())
+    for suite in (
+        SingleFrame(), ModelErrors(), Integrity(), WideStart(), CramerRao(), Relocalize(), Lane(),
+    )
 }
 FRAMES_OF_A_WORLD = 10
 """Number of trials per world and job; chosen, since frames of one world have similar errors."""

@@ -21,6 +21,7 @@ from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.evaluation.suites.conditions import Setup
 from gip_localizer.evaluation.suites.grounds import GROUNDS, noisy_map
+from gip_localizer.evaluation.suites.model_errors import Warp
 from gip_localizer.parameters import Parameters
 from gip_localizer.parameters.spec import Value
 from gip_localizer.synthetic.drive import SyntheticDrive, SyntheticFrame
@@ -150,6 +151,11 @@ class Bench:
         self.raster_map: RasterMap = self.drive.raster_map
         if setup.map_noise > 0.0:
             self.raster_map = noisy_map(self.raster_map, setup.map_noise, seed)
+        self._warp: Warp | None = None
+        if setup.map_warp > 0.0:
+            self._warp = Warp(self.raster_map, setup.map_warp, seed)
+            self.raster_map = self._warp.warped()
+        self.camera = setup.miscalibration.of(self.drive.camera)
         self.parameters = localizer_parameters(setup, self.drive, overrides)
         self._localizer: Localizer | None = None
         self._stamp_ns = 0
@@ -170,14 +176,21 @@ class Bench:
             self._localizer = Localizer(self.raster_map, self.parameters)
         self._stamp_ns += FRAME_NS
         self._localizer.set_prior(self._stamp_ns, prior, covariance)
-        return localized(self._localizer, self._stamp_ns, image, self.drive.camera)
+        return localized(self._localizer, self._stamp_ns, image, self.camera)
 
     def trial(self, index: int, spread: Spread) -> Trial:
         """Render, start near the truth, localize and compare."""
         rng = self.rng(index)
         frame = self.frame(rng)
-        start = frame.truth @ spread.offset(rng)
-        return compared(self.localize(frame.image, start, spread.covariance), frame.truth)
+        truth = self.truth(frame)
+        start = truth @ spread.offset(rng)
+        return compared(self.localize(frame.image, start, spread.covariance), truth)
+
+    def truth(self, frame: SyntheticFrame) -> Pose2:
+        """Return where the map has the vehicle of a frame."""
+        if self._warp is None:
+            return frame.truth
+        return self._warp.truth(frame.truth, self.parameters.birdseye)
 
 
 def localized(
