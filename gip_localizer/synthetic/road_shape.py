@@ -10,6 +10,7 @@ a camera sees wrong is how far the road ahead leaves that plane.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
@@ -136,7 +137,9 @@ def make_shape(ground: Ground, raster: RasterMap, lane: Path) -> RoadShape | Non
     top = raster.grey.shape[0]
     col, row = np.meshgrid(np.arange(cols), np.arange(rows))
     at = [(top - (row + 0.5) * side) * raster.resolution, (col + 0.5) * _SPACING]
-    points = raster.origin.transform(np.stack([at[1].ravel(), at[0].ravel()], axis=1))
+    points = raster.origin.transform(
+        np.stack([at[1].ravel(), at[0].ravel()], axis=1).astype(float)
+    )
     centre = lane.shifted(0.5 * LANE)
     along, left = _beside(centre, points)
     total = np.zeros(len(points))
@@ -157,12 +160,12 @@ def _beside(centre: Path, points: Floats) -> tuple[Floats, Floats]:
     along = arcs[nearest]
     away = points - centre.position(along)
     yaw = centre.heading(along)
-    along = along + away[:, 0] * np.cos(yaw) + away[:, 1] * np.sin(yaw)
+    along = np.asarray(along + away[:, 0] * np.cos(yaw) + away[:, 1] * np.sin(yaw), float)
     left = -away[:, 0] * np.sin(yaw) + away[:, 1] * np.cos(yaw)
     return along, np.clip(left, -_REACH, _REACH)
 
 
-def _tilt(centre: Path, bank: float):  # type: ignore[no-untyped-def]
+def _tilt(centre: Path, bank: float) -> Callable[[Floats], Floats]:
     """Return the cross slope by arc length, rad: the outside of a curve lies higher."""
     arcs = centre.stations
     share = np.clip([centre.curvature(float(a)) / _BANKED for a in arcs], -1.0, 1.0)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 import math
 
 import numpy as np
@@ -148,7 +149,7 @@ class SyntheticCamera:
         count = min(1 + int(_reach(twist) * readout / (0.5 * self._resolution)), _MOST_EXPOSURES)
         ends = np.linspace(0, rows, count + 1).astype(int)
         scene = np.zeros((rows, self.parameters.lens.width), np.float32)
-        for first, end in zip(ends[:-1], ends[1:], strict=True):
+        for first, end in pairwise(ends.tolist()):
             since = readout * (0.5 * (first + end - 1) / (rows - 1) - 0.5)
             moved = _driven(pose, twist, since)
             strip = self._renderer.render_moving(self._exposures(moved, twist), extrinsics)

@@ -129,7 +129,8 @@ def share_inside(trials: Sequence[Trial]) -> float:
     shown = [t for t in trials if t.error is not None and t.covariance is not None]
     inside = 0
     for trial in shown:
-        assert trial.error is not None and trial.covariance is not None
+        assert trial.error is not None
+        assert trial.covariance is not None
         xy = trial.error[:2]
         inside += float(xy @ np.linalg.solve(trial.covariance[:2, :2], xy)) <= ELLIPSE_95
     return share(inside, len(shown))
