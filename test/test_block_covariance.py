@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from gip_localizer.core.refine.blocks import Blocks
-from gip_localizer.core.refine.least_squares import GEOMETRY, LeastSquaresProblem
+from gip_localizer.core.refine.least_squares import LeastSquaresProblem
+from gip_localizer.core.refine.smooth_errors import GEOMETRY
 
 SIDE, UNKNOWNS = 28, 8
 
@@ -41,7 +42,7 @@ def test_it_is_that_of_the_errors(within):
         error = inverse @ (slopes @ noise)
         fit = problem(slopes, (noise - error @ slopes).astype(np.float32))
         errors.append(error[:GEOMETRY])
-        told.append(np.diag(fit.block_covariance(blocks)))
+        told.append(np.diag(fit.block_covariance(fit.sums(blocks))))
     ratio = np.mean(told, axis=0) / np.mean(np.square(errors), axis=0)
     assert ratio.min() > 0.8
     assert ratio.max() < 1.25

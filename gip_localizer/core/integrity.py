@@ -255,7 +255,7 @@ def _oddity(found: SearchResult, motion: CameraMotion) -> str | None:
             f'the parts of the view contradict each other: overdispersion '
             f'{fit.overdispersion:.1f}, limit {MOST_OVERDISPERSION:g}'
         )
-    sigma = math.sqrt(float(np.trace(fit.covariance[:2, :2])))
+    sigma = math.sqrt(float(np.trace((fit.covariance - fit.smooth)[:2, :2])))
     if fit.overdispersion > VAGUE[0] and sigma > VAGUE[1] * fit.cell:
         return (
             f'the parts of the view contradict each other (overdispersion '

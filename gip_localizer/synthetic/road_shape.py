@@ -141,7 +141,7 @@ def make_shape(ground: Ground, raster: RasterMap, lane: Path) -> RoadShape | Non
         np.stack([at[1].ravel(), at[0].ravel()], axis=1).astype(float)
     )
     centre = lane.shifted(0.5 * LANE)
-    along, left = _beside(centre, points)
+    along, left = _beside(centre, np.asarray(points, float))
     total = np.zeros(len(points))
     if ground.crown:
         total -= ground.crown * (np.hypot(left, _RIDGE) - _RIDGE)

@@ -32,6 +32,9 @@ class Fit:
         Of x, y (m) and yaw (rad) in the axes of the pose (ahead, left), from how far each block
         of road moves it, so that correlated residuals count as what they are; wider where a share
         of the road disagrees.
+    smooth : (3, 3) float64
+        The part of it from smooth errors of road, map and calibration, which the frames after
+        this one share.
     problem : LeastSquaresProblem
         The least-squares problem at the pose.
     camera_motion : (3,) float64
@@ -62,6 +65,7 @@ class Fit:
 
     pose: Pose2
     covariance: Floats
+    smooth: Floats
     problem: LeastSquaresProblem
     camera_motion: Floats
     gain: float
@@ -89,10 +93,24 @@ class Fit:
     @property
     def covariance_in_map(self) -> Floats:
         """Covariance (3, 3) of x, y and yaw in the map's axes."""
+        return self._in_map(self.covariance)
+
+    @property
+    def shared_in_map(self) -> Floats:
+        """Symmetric root (3, 3) of `smooth`, its rows turned to the map's axes."""
+        values, axes = np.linalg.eigh(self.smooth)
+        root = (axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T
+        return np.asarray(self._turn() @ root)
+
+    def _in_map(self, covariance: Floats) -> Floats:
+        turn = self._turn()
+        turned: Floats = turn @ covariance @ turn.T
+        return 0.5 * (turned + turned.T)
+
+    def _turn(self) -> Floats:
         turn = np.eye(3)
         turn[:2, :2] = self.pose.rotation()
-        turned: Floats = turn @ self.covariance @ turn.T
-        return 0.5 * (turned + turned.T)
+        return turn
 
     def distance(self, other: Fit) -> float:
         """Metres from another fit."""

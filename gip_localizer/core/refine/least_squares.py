@@ -25,8 +25,8 @@ import numpy as np
 from gip_localizer.core.arrays import Floats, product
 from gip_localizer.core.refine.blocks import Blocks
 from gip_localizer.core.refine.robust import LEAST_PATTERN
+from gip_localizer.core.refine.smooth_errors import BlockSums, GEOMETRY
 
-GEOMETRY = 3  # x, y, yaw come first in the state
 DAMPING = np.array([1.0, 1.0, 25.0])  # 1/m², 1/m², 1/rad²: no step along what nothing tells
 WIDEST = np.array([30.0, 30.0, 3.0])  # m, m, rad: what is known of any pose near its start
 MOST_OVERDISPERSION = 1e3  # also told where nothing can be
@@ -115,7 +115,18 @@ class LeastSquaresProblem:
         damped[range(GEOMETRY), range(GEOMETRY)] += self.scale_sq * DAMPING
         return _solved(damped, gradient)
 
-    def block_covariance(self, blocks: Blocks) -> Floats:
+    def sums(self, blocks: Blocks) -> BlockSums:
+        """Return the problem block by block."""
+        columns = np.empty((len(self.slopes) + 1, self.slopes.shape[1]), np.float32)
+        np.multiply(self.slopes, self.curvature, out=columns[:-1])
+        np.multiply(self.weights, self.residual, out=columns[-1])
+        sums = blocks.products(self.instruments, columns)
+        return BlockSums(
+            parts=self._scaled(sums[..., :-1]), pulls=sums[..., -1] * self.scales,
+            whole=self._normal(sums[..., :-1].sum(axis=0)), prior=self.prior,
+        )
+
+    def block_covariance(self, sums: BlockSums) -> Floats:
         """
         Return the covariance (3, 3) of the geometry: how far each block of road moves it.
 
@@ -127,14 +138,8 @@ class LeastSquaresProblem:
         Never far below what the noise model expects, which is large along what nothing tells.
 
         """
-        columns = np.empty((len(self.slopes) + 1, self.slopes.shape[1]), np.float32)
-        np.multiply(self.slopes, self.curvature, out=columns[:-1])
-        np.multiply(self.weights, self.residual, out=columns[-1])
-        sums = blocks.products(self.instruments, columns)
-        pulls = sums[..., -1] * self.scales
-        whole = self._normal(sums[..., :-1].sum(axis=0))
-        moved = _moved(whole, self._scaled(sums[..., :-1]), pulls)[:, :GEOMETRY]
-        held = _inverse(whole)[:GEOMETRY]
+        moved = _moved(sums.whole, sums.parts, sums.pulls)[:, :GEOMETRY]
+        held = _inverse(sums.whole)[:GEOMETRY]
         spread = moved.T @ moved + (held * (self.telling_scale_sq**2 * self.prior)) @ held.T
         few = _effective(moved, spread)
         spread *= few / max(few - SMALL_SAMPLE, 1.0)

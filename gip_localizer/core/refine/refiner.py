@@ -29,6 +29,7 @@ from gip_localizer.core.refine.fit import Fit
 from gip_localizer.core.refine.gauss_newton import GaussNewton, settled
 from gip_localizer.core.refine.least_squares import LeastSquaresProblem
 from gip_localizer.core.refine.observation import Layer, RefinementState, Unknowns
+from gip_localizer.core.refine.smooth_errors import SmoothErrors
 from gip_localizer.core.refine.stages import make_stages
 from gip_localizer.parameters import CameraMotion
 
@@ -77,6 +78,9 @@ class Refiner:
         self.pitches = _pitches(camera_motion.sigma_pitch)
         self._unknowns = _unknowns(camera_motion, normalized=normalized, robust=robust)
         self._stages = make_stages(rectifier)
+        self._smooth_errors = SmoothErrors(
+            self._stages[-1].block_centres, rectifier.camera.extrinsics.position()
+        )
 
     def layers(
         self, view: View, weight: Floats, crop: Crop, map_noise: float = 0.0,
@@ -149,12 +153,17 @@ class Refiner:
             elif self._unknowns.normalized:
                 state.shading = gauss_newton.shaded(problem)
         drift = math.hypot(state.pose.x - start.x, state.pose.y - start.y)
-        spread = problem.block_covariance(self._stages[-1].blocks)
-        covariance = spread / _recognised(problem) + _beyond(coarser, state.pose, layers[-1])
+        sums = problem.sums(self._stages[-1].blocks)
+        spread = problem.block_covariance(sums)
+        smooth = self._smooth_errors.covariance(sums)
+        covariance = smooth + spread / _recognised(problem)
+        covariance += _beyond(coarser, state.pose, layers[-1])
         converged = (
             drift < MAX_DRIFT and _is_covariance(covariance) and settled(state.step, covariance)
         )
-        return _fit(problem, state, spread, covariance, layers[-1], converged=converged)
+        return _fit(
+            problem, state, spread, covariance, smooth, layers[-1], converged=converged
+        )
 
 
 def _unknowns(camera_motion: CameraMotion, *, normalized: bool, robust: bool) -> Unknowns:
@@ -191,13 +200,14 @@ def _beyond(coarser: Pose2, pose: Pose2, layer: Layer) -> Floats:
 
 def _fit(
     problem: LeastSquaresProblem, state: RefinementState, spread: Floats, covariance: Floats,
-    layer: Layer, *, converged: bool,
+    smooth: Floats, layer: Layer, *, converged: bool,
 ) -> Fit:
     weight = float(layer.weights.sum(dtype=np.float64))
     known = float(layer.weights[problem.all_weights > 0.0].sum(dtype=np.float64))
     return Fit(
         pose=state.pose,
         covariance=covariance,
+        smooth=smooth,
         problem=problem,
         camera_motion=state.camera_motion,
         gain=problem.gain,

@@ -64,6 +64,14 @@ class Stage:
             footprint = rectifier.footprint.ravel()[self.index]
             self.pixel_steps = PixelSteps(rectifier.camera, points[self.index], footprint)
 
+    @property
+    def block_centres(self) -> Floats:
+        """Middles (blocks, 2) of the blocks in base, metres."""
+        x, y = self.suspension.x, self.suspension.y
+        sums = self.blocks.products(np.ones((1, len(x)), np.float32),
+                                    np.stack([x, y, np.ones_like(x)]))[:, 0]
+        return np.asarray(sums[:, :2] / sums[:, 2:])
+
     def on_grid(self, values: Floats) -> Floats:
         """Return values (n,) where their cells lie, (rows, cols) float32; 0 elsewhere."""
         grid = np.zeros(self._shape, np.float32)

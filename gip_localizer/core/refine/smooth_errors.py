@@ -1,0 +1,178 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Model errors that are smooth over the view: covariance of the pose that comes from them.
+
+A road that is not a plane, a map that is bent and a camera that is not as calibrated displace
+what the view shows by a field u(x, y) that neighbouring parts of the road share. Blocks of road
+that are taken as independent average such a field away on paper, and not in fact. Block b, with
+matrix A_b and gradient g_b of the least-squares problem, sees
+
+    g_b = A_b θ + A_b[:, xy] u_b + n_b,      u ~ N(0, s² K),  n_b ~ N(0, ν A_b[xy, xy])
+
+K is the sum of a map displacement, any direction, and of a road height, which displaces along the
+ray; both are Gaussian fields of a correlation length. Of the lengths, and of s²/ν, none is chosen:
+the restricted likelihood of the gradients weighs them (θ and ν are integrated out, see Harville
+1977), and the covariance is the mean over them. It vanishes where blocks disagree by no more than
+their independent errors. With R = A⁻¹ Σ A_b[:, xy] F_b and K = F Fᵀ it is `E[s²] R Rᵀ`.
+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from gip_localizer.core.arrays import Floats
+
+GEOMETRY = 3  # x, y, yaw come first among the unknowns
+LENGTHS = (0.22, 0.45, 0.9)  # correlation lengths, of the view's mean side
+NODES = 7  # along each side of the view: what its fields are spanned by
+LEAST_MODE = 2e-2  # variance of a field's mode, of its largest, that still counts
+STRENGTHS = np.geomspace(1e-4, 1e4, 41)  # s²/ν that are tried, times the mean information on u
+RARITY = 0.8  # prior density of log s² falls with this power: most views have no smooth error
+LEAST_INFORMATION = 0.02  # of the mean over the blocks: an edge says little along itself
+LEAST_REST = 0.05  # of the blocks' squared disagreement that no field explains
+LEAST_FREEDOM = 4.0  # of the blocks' disagreement, for its variance to be finite
+
+
+@dataclass(frozen=True, eq=False)
+class BlockSums:
+    """
+    A least-squares problem by blocks of road.
+
+    Attributes
+    ----------
+    parts : (blocks, p, p) float64
+        A_b, symmetric.
+    pulls : (blocks, p) float64
+        g_b at the estimate.
+    whole : (p, p) float64
+        Sum of A_b, and the prior.
+    prior : (p,) float64
+        Information of the prior on each unknown, for residuals of unit variance.
+
+    """
+
+    parts: Floats
+    pulls: Floats
+    whole: Floats
+    prior: Floats
+
+
+class SmoothErrors:
+    """
+    The fields of a view.
+
+    Parameters
+    ----------
+    centres : (blocks, 2) float64
+        Middles of the blocks in base, metres.
+    camera : (3,) float64
+        Position of the camera in base, metres.
+
+    """
+
+    def __init__(self, centres: Floats, camera: Floats) -> None:
+        sides = np.maximum(np.ptp(centres, axis=0), 1e-6)
+        side = math.sqrt(float(sides[0] * sides[1]))
+        levers = (centres - camera[:2]) / camera[2]
+        levers /= max(math.sqrt(0.5 * float((levers**2).sum(axis=1).mean())), 1e-9)
+        self._fields = [
+            _displacements(_modes(centres, share * side), levers) for share in LENGTHS
+        ]
+
+    def covariance(self, sums: BlockSums) -> Floats:
+        """Return the covariance (3, 3) of x, y and yaw that comes from smooth errors."""
+        blocks = _Whitened(sums)
+        found = [blocks.strengths(fields) for fields in self._fields]
+        most = max(float(logs.max()) for logs, _ in found)
+        total, covariance = 0.0, np.zeros((GEOMETRY, GEOMETRY))
+        for fields, (logs, variances) in zip(self._fields, found, strict=True):
+            likelihoods = np.exp(logs - most)
+            total += float(likelihoods.sum())
+            moved = np.linalg.solve(sums.whole, _pulled(sums.parts, fields))[:GEOMETRY]
+            covariance += float(likelihoods @ variances) * (moved @ moved.T)
+        return covariance / total
+
+
+class _Whitened:
+    """The blocks' gradients, each in axes in which its independent error has variance ν."""
+
+    def __init__(self, sums: BlockSums) -> None:
+        parts = sums.parts[:, :2, :2]
+        information = 0.5 * np.trace(parts, axis1=1, axis2=2)
+        least = LEAST_INFORMATION * max(float(information.mean()), 1e-30)
+        values, axes = np.linalg.eigh(parts + least * np.eye(2))
+        turn = (axes / np.sqrt(np.maximum(values, 0.5 * least))[:, None, :]).swapaxes(1, 2)
+        self._to_fields = turn @ parts
+        pulls = (turn @ sums.pulls[:, :2, None]).ravel()
+        unknowns = sums.parts.shape[1]
+        self._design = (turn @ sums.parts[:, :2, :]).reshape(-1, unknowns)
+        counted = 2 * int(np.count_nonzero(information > 0.05 * least))
+        self._freedom = max(counted - unknowns, LEAST_FREEDOM)
+        spread = float(pulls @ pulls) / max(counted, 1)
+        normal = self._design.T @ self._design
+        ridge = 1e-9 * np.diag(normal) + 1e-12
+        self._held = np.linalg.inv(normal + np.diag(spread * sums.prior + ridge))
+        self._pulls = pulls
+        gradient = self._design.T @ pulls
+        self._estimate = self._held @ gradient
+        self._squares = max(float(pulls @ pulls - gradient @ self._estimate), 1e-30)
+
+    def strengths(self, fields: Floats) -> tuple[Floats, Floats]:
+        """
+        Return the log posterior of each of `STRENGTHS`, and s² there, (n,) each.
+
+        Parameters
+        ----------
+        fields : (blocks, 2, k)
+            F.
+
+        """
+        columns = (self._to_fields @ fields).reshape(len(self._pulls), -1)
+        crossed = self._design.T @ columns
+        normal = columns.T @ columns - crossed.T @ self._held @ crossed
+        gradient = columns.T @ self._pulls - crossed.T @ self._estimate
+        values, axes = np.linalg.eigh(normal)
+        values = np.maximum(values, 0.0)
+        along = (axes.T @ gradient) ** 2
+        strengths = STRENGTHS / max(float(values.mean()), 1e-30)
+        grown = 1.0 + strengths[:, None] * values
+        rest = self._squares - (strengths[:, None] * along / grown).sum(axis=1)
+        rest = np.maximum(rest, LEAST_REST * self._squares)
+        logs = -0.5 * (np.log(grown).sum(axis=1) + self._freedom * np.log(rest))
+        logs -= RARITY * np.log(STRENGTHS)
+        return logs, strengths * rest / (self._freedom - 2.0)
+
+
+def _modes(centres: Floats, length: float) -> Floats:
+    """Return modes (blocks, k) of a Gaussian field of unit variance and a correlation length."""
+    low, high = centres.min(axis=0), centres.max(axis=0)
+    x, y = (np.linspace(a, b, NODES) for a, b in zip(low, high, strict=True))
+    nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    values, axes = np.linalg.eigh(_correlation(nodes, nodes, length))
+    kept = values > LEAST_MODE * values[-1]
+    return np.asarray(_correlation(centres, nodes, length) @ (axes[:, kept] / values[kept]**0.5))
+
+
+def _correlation(a: Floats, b: Floats, length: float) -> Floats:
+    apart = ((a[:, None] - b[None]) ** 2).sum(axis=-1)
+    return np.asarray(np.exp(-0.5 * apart / length**2))
+
+
+def _displacements(modes: Floats, levers: Floats) -> Floats:
+    """Return F (blocks, 2, 3 k): along x, along y, and along the rays, of equal mean square."""
+    none = np.zeros_like(modes)
+    return np.concatenate([
+        np.stack([modes, none], axis=1), np.stack([none, modes], axis=1),
+        levers[:, :, None] * modes[:, None, :],
+    ], axis=2)
+
+
+def _pulled(parts: Floats, fields: Floats) -> Floats:
+    """Return the gradient (p, k) that unit fields make."""
+    columns = parts[:, :2, :].reshape(-1, parts.shape[2])
+    return np.asarray(columns.T @ fields.reshape(len(columns), -1))
