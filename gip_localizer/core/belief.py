@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -35,6 +35,9 @@ class Belief:
         Of x, y (m), yaw (rad), map axes.
     driven, unseen : float
         Metres and seconds since the last fix.
+    shared : (3, 3) float64
+        Covariance of the error with the standardized smooth error of the matches, which does not
+        average over time: `shared @ shared.T` is the part of the covariance it explains.
 
     """
 
@@ -43,6 +46,12 @@ class Belief:
     covariance: Floats
     driven: float = 0.0
     unseen: float = 0.0
+    shared: Floats = field(default_factory=lambda: np.zeros((3, 3)))
+
+    @property
+    def own_covariance(self) -> Floats:
+        """Covariance (3, 3) without the part that the next match shares."""
+        return self.covariance - self.shared @ self.shared.T
 
 
 def checked_prior(stamp_ns: int, pose: Pose2, covariance: Floats) -> Belief:

@@ -154,7 +154,8 @@ def judge(
 def _agrees(fit: Fit, prior: Belief) -> bool:
     """Whether a match lies where a tight prior expects it."""
     sigma = np.sqrt(np.diag(prior.covariance))
-    if sigma[:2].max() > TIGHT_XY or sigma[2] > TIGHT_YAW:
+    own = np.sqrt(np.maximum(np.diag(prior.own_covariance), 0.0))
+    if own[:2].max() > TIGHT_XY or own[2] > TIGHT_YAW:
         return False
     gap = np.abs(difference(fit.pose, prior.pose))
     return bool(np.all(gap < 3.0 * sigma + np.array([0.05, 0.05, 0.01])))

@@ -234,7 +234,9 @@ class Localizer:
         if verdict.status is not Status.TRACKING or fit is None:
             self.state.miss(prior)
             return self._estimate(stamp_ns, self._missed(verdict), match)
-        measured = Belief(stamp_ns, fit.pose, fit.covariance_in_map)
+        measured = Belief(
+            stamp_ns, fit.pose, fit.covariance_in_map, shared=fit.shared_in_map
+        )
         belief = self.state.accept(prior, measured, gain=fit.gain)
         if self.state.unconfirmed > 0:
             verdict = replace(verdict, status=Status.CONFIRMING, reason=(

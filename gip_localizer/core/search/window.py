@@ -91,5 +91,5 @@ def tracking_window(prior: Belief, parameters: Parameters) -> SearchWindow:
 
 def _sigmas(prior: Belief) -> tuple[float, float]:
     """Largest standard deviation of x and y, and that of yaw."""
-    variance = prior.covariance
+    variance = prior.own_covariance
     return math.sqrt(max(variance[0, 0], variance[1, 1])), math.sqrt(variance[2, 2])

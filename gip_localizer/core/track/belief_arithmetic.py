@@ -36,17 +36,28 @@ def moved(belief: Belief, stamp_ns: int, motion: Pose2, motion_covariance: Float
     turn = np.eye(3)
     turn[:2, :2] = belief.pose.rotation()
     covariance = shift @ belief.covariance @ shift.T + turn @ motion_covariance @ turn.T
-    return Belief(stamp_ns, pose, covariance)
+    return Belief(stamp_ns, pose, covariance, shared=shift @ belief.shared)
 
 
 def fused(prior: Belief, measured: Belief, innovation: Floats, total: Floats) -> Belief:
-    """Return the Kalman update of a prior; `innovation` (3,) has the covariance `total` (3, 3)."""
+    """
+    Return the Kalman update of a prior; `innovation` (3,) has the covariance `total` (3, 3).
+
+    The gain is that of independent errors; the covariance counts what both share in full
+    (Schmidt 1966), so that it does not average away.
+
+    """
     gain = np.linalg.solve(total, prior.covariance).T
     step = gain @ innovation
     keep = np.eye(3) - gain
     covariance = keep @ prior.covariance @ keep.T + gain @ measured.covariance @ gain.T
+    crossed = keep @ prior.shared @ measured.shared.T @ gain.T
+    covariance += crossed + crossed.T
     pose = Pose2(
         prior.pose.x + float(step[0]), prior.pose.y + float(step[1]),
         wrap_angle(prior.pose.yaw + float(step[2])),
     )
-    return Belief(measured.stamp_ns, pose, 0.5 * (covariance + covariance.T))
+    return Belief(
+        measured.stamp_ns, pose, 0.5 * (covariance + covariance.T),
+        shared=keep @ prior.shared + gain @ measured.shared,
+    )

@@ -13,7 +13,7 @@ import numpy as np
 from gip_localizer.evaluation.error_table import ELLIPSE_95
 from gip_localizer.evaluation.suites.conditions import CAR_CAMERA, Setup
 from gip_localizer.evaluation.suites.model_errors import Miscalibration
-from gip_localizer.evaluation.suites.single_frame import Summary, summary, VACUOUS
+from gip_localizer.evaluation.suites.single_frame import MOST_SIGMA_RATIO, Summary, summary
 from gip_localizer.evaluation.suites.suite import (
     Bound,
     Cell,
@@ -24,6 +24,7 @@ from gip_localizer.evaluation.suites.suite import (
     share,
 )
 from gip_localizer.evaluation.suites.trials import Bench, Spread, Trial
+from gip_localizer.parameters.spec import Value
 
 MOST_NEES = 4.5  # overconfident by at most a factor 1.22
 LEAST_INSIDE = 0.85  # of the published poses, the truth in their 95 % ellipse
@@ -47,12 +48,14 @@ class ModelError(Setup):
 
 def _cause(
     name: str, title: str, rmse_xy_m: float, scenario: str = 'clear', *,
-    map_warp: float = 0.0, miscalibration: Miscalibration = Miscalibration(),
-    localizer: Mapping[str, float] | None = None, camera: Mapping[str, float] = CAR_CAMERA,  # type: ignore[assignment]
+    map_warp: float = 0.0, miscalibration: Miscalibration | None = None,
+    localizer: Mapping[str, Value] | None = None,
+    camera: Mapping[str, Value] = CAR_CAMERA,
 ) -> ModelError:
     return ModelError(
         name=name, title=title, scenario=scenario, camera=dict(camera),
-        localizer=dict(localizer or {}), map_warp=map_warp, miscalibration=miscalibration,
+        localizer=dict(localizer or {}), map_warp=map_warp,
+        miscalibration=miscalibration or Miscalibration(),
         rmse_xy_m=rmse_xy_m,
     )
 
@@ -145,7 +148,8 @@ def _bounds(cause: ModelError, found: Summary, inside: float) -> list[Bound]:
               at_most=False),
         Bound(row, 'mean NEES', found.nees, MOST_NEES),
         Bound(row, 'truth inside the ellipse', inside, LEAST_INSIDE, at_most=False),
-        Bound(row, 'sigma over rmse, position', ratio(found.sigma_xy, found.rmse_xy), VACUOUS),
+        Bound(row, 'sigma over rmse, position', ratio(found.sigma_xy, found.rmse_xy),
+              MOST_SIGMA_RATIO),
     ]
 
 
