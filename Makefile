@@ -15,10 +15,10 @@ READY = $(VENV)/.ready
 RESULTS = --out $(or $(OUT),results/$@) $(if $(OUT),,--force)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo replay evaluate bench paper params figures test lint type pytest numpy fuzz soak clean
+.PHONY: help setup demo replay evaluate bench paper params figures fit-confidence test lint type pytest numpy fuzz soak clean
 
 help: ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/' | expand -t 18
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
 
 setup: $(READY) ## set up the environment only
 
@@ -58,6 +58,9 @@ params: $(READY) ## write config/*.yaml, docs/parameters.md and docs/diagnostics
 
 figures: $(READY) ## draw the README's picture again
 	@$(VENV)/bin/python -m gip_localizer.visualization.overview_figure bags/demo docs/figures/overview.png
+
+fit-confidence: $(READY) ## fit the confidence of a match again (TRIALS=new: make its trials first, 15 minutes)
+	@$(VENV)/bin/python -m gip_localizer.evaluation.confidence --write $(if $(TRIALS),--trials)
 
 test: lint ## all checks; mypy runs in parallel with the tests
 	@$(MAKE) --no-print-directory --jobs=2 type pytest

@@ -14,8 +14,8 @@ FOLDERS = (
 """Of the package, each after all that it imports."""
 ROOMS = (
     'arrays', 'threads', 'pose', 'belief', 'kernels', 'cell_means', 'gramian', 'camera',
-    'birdseye', 'map', 'match', 'refine', 'calibrated_view', 'estimate', 'search', 'integrity',
-    'track', 'guard', 'localizer',
+    'birdseye', 'map', 'match', 'refine', 'calibrated_view', 'estimate', 'search',
+    'confidence', 'confidence_terms', 'integrity', 'track', 'guard', 'localizer',
 )
 """Of `core`, in the same manner."""
 ROS_PACKAGES = {

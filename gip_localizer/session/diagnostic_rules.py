@@ -167,8 +167,8 @@ MATCH = DiagnosticGroup('match', (
          'integrity.min_contrast), or masked altogether'),
     Rule(Status.NO_MATCH, E, 'the map does not explain the view: below '
          'integrity.min_confidence'),
-    Rule(Status.AMBIGUOUS, E, 'several places explain the view: below '
-         'integrity.min_winner_mass'),
+    Rule(Status.AMBIGUOUS, E, 'another place explains the view nearly as well: below '
+         'integrity.min_confidence because of it'),
     Rule(Status.UNCERTAIN, E, 'the covariance exceeds integrity.max_sigma_xy or max_sigma_yaw'),
     Rule(Status.CONFIRMING, W, 'a pose found anew waits for recovery.confirm_frames'),
     Rule(Status.LOST, E, 'integrity.lost_after frames in a row without a fix'),
@@ -180,6 +180,8 @@ MATCH = DiagnosticGroup('match', (
 ), {
     'confidence': ('', 'probability that the match is at the right place'),
     'margin': ('', 'how far the match is ahead of the best one at another place'),
+    'competitor': ('', 'likeness of the best match at another place; 1 is equal'),
+    'significance': ('', 'lattice_correlation in standard deviations of chance correlation'),
     'correlation': ('', 'of view and map under the Gramian, at the match'),
     'lattice_correlation': ('', 'the same before refinement, camera at rest'),
     'contrast': ('', 'weighted standard deviation of the view, grey levels of [0, 1]'),
@@ -194,6 +196,8 @@ MATCH = DiagnosticGroup('match', (
     'sigma_ahead_m': ('m', 'standard deviation of the match along the vehicle'),
     'sigma_left_m': ('m', 'across it'),
     'sigma_yaw_rad': ('rad', 'in heading'),
+    'sigma_cells': ('', 'standard deviation of the position in cells'),
+    'suspension': ('', 'motion of the camera beside its calibration, in standard deviations'),
     'gain': ('', 'contrast of the image over that of the map'),
     'pitch_rad': ('rad', 'pitch of the camera beside its calibration'),
     'roll_rad': ('rad', 'roll beside its calibration'),

@@ -1,0 +1,102 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+`make fit-confidence`: fit the confidence again, and print what it rests on.
+
+Without `--trials` from the kept figures, in seconds; with it the trials are made first, which
+takes a quarter of an hour on one core.
+
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from matplotlib import rc_context
+
+from gip_localizer.core.threads import use_one_thread
+from gip_localizer.evaluation.confidence import trials
+from gip_localizer.evaluation.confidence.chart import Bin, reliability, reliability_figure
+from gip_localizer.evaluation.confidence.fit import Design, regress, Regression, select
+from gip_localizer.visualization.style import STYLE
+
+ROOT = Path(__file__).parents[3]
+TERMS = ROOT / 'gip_localizer' / 'core' / 'confidence_terms.py'
+FIGURE = ROOT / 'docs' / 'figures' / 'confidence.png'
+DPI = 90
+
+
+def main(words: list[str] | None = None) -> int:
+    """Run the command; 0 when it is done."""
+    parser = argparse.ArgumentParser(prog='fit-confidence', description=__doc__)
+    parser.add_argument('--trials', action='store_true', help='make the trials again first')
+    parser.add_argument('--write', action='store_true',
+                        help=f'write {TERMS.relative_to(ROOT)} and {FIGURE.relative_to(ROOT)}')
+    options = parser.parse_args(words)
+    if options.trials:
+        _make_trials()
+    kept = trials.read(trials.KEPT)
+    design = Design.of(kept)
+    columns = select(design)
+    fitted = regress(design, columns)
+    bins = reliability(design, design.left_out(columns))
+    _print(kept, design, columns, fitted, bins)
+    if options.write:
+        TERMS.write_text(terms_module(fitted), encoding='utf-8')
+        with rc_context(STYLE):
+            reliability_figure(bins).savefig(FIGURE, dpi=DPI, metadata={'Software': None})
+    return 0
+
+
+def _make_trials() -> None:
+    use_one_thread()
+    made: list[trials.Trial] = []
+    for world, setup in trials.jobs():
+        made += trials.make(setup, world)
+        print(f'{world} {setup.name}: {len(made)} matches', flush=True)
+    trials.write(trials.KEPT, made)
+
+
+def _print(
+    kept: list[trials.Trial], design: Design, columns: tuple[int, ...],
+    fitted: Regression, bins: list[Bin],
+) -> None:
+    right = int(design.right.sum())
+    print(f'{right} right and {len(kept) - right} wrong matches of '
+          f'{len({t.part for t in kept})} parts in {len({t.world for t in kept})} worlds')
+    print('\nfigure            weight      from        to  log loss of left-out parts without it')
+    for term, column in zip(fitted.terms, columns, strict=True):
+        without = design.loss(design.left_out([other for other in columns if other != column]))
+        print(f'{term.figure:16s} {term.weight:7.3g} {term.low:9.3g} {term.high:9.3g}  '
+              f'{without:.4f}')
+    print(f'with all of them{design.loss(design.left_out(columns)):35.4f}')
+    print(f'offset           {fitted.offset:7.3g}')
+    left = [name for name in design.names if name not in {t.figure for t in fitted.terms}]
+    print('not taken: ' + (', '.join(left) or 'none'))
+    print('\nconfidence   right  wrong  mean confidence  share right')
+    for b in bins:
+        print(f'{b.low:.2f} to {b.high:.2f} {b.right:6d} {b.wrong:6d} {b.expected:16.3f} '
+              f'{b.found:12.3f}')
+
+
+def terms_module(fitted: Regression) -> str:
+    """Return the text of the module of the core that holds a fit."""
+    terms = ''.join(f'    {term!r},\n' for term in fitted.terms)
+    return f'''\
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the confidence consists of: written by `make fit-confidence`, not by hand."""
+
+from gip_localizer.core.confidence import Term
+
+OFFSET = {fitted.offset!r}
+"""Log odds of a right match where the logarithms of all figures are zero."""
+TERMS = (
+{terms})
+"""The figures of a match that tell, and what each contributes."""
+'''
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())
