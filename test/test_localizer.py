@@ -14,7 +14,6 @@ from scipy.stats import chi2
 from gip_localizer.core.belief import PriorError
 from gip_localizer.core.camera.model import Extrinsics
 from gip_localizer.core.estimate import Estimate, Status
-from gip_localizer.core.integrity import judge
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.map.resampling import scaled
@@ -109,28 +108,6 @@ def test_a_prior_from_outside_starts_it_and_the_stamp_is_the_image_s(road, frame
     assert estimate.status is Status.TRACKING
     assert estimate.stamp_ns == 7 * S + 123
     assert set(estimate.timings_ms) >= {'birdseye', 'gramian', 'match', 'posterior'}
-
-
-@pytest.mark.parametrize(('overdispersion', 'cells', 'told'), [
-    (1.0, 0.6, 'TRACKING'), (2.0, 0.25, 'TRACKING'),
-    (2.0, 0.6, 'NO_MATCH'), (5.0, 0.1, 'NO_MATCH'),
-])
-def test_a_first_match_that_contradicts_itself_must_at_least_be_precise(
-    road, frame, monkeypatch, overdispersion, cells, told
-):
-    def spoilt(match, found, parameters, prior=None):
-        [fit, *others] = found.fits
-        sigma = cells * fit.cell * np.sqrt(0.5)
-        fit = replace(fit, overdispersion=overdispersion,
-                      covariance=np.diag([sigma**2, sigma**2, 1e-8]))
-        return judge(match, replace(found, fits=[fit, *others]), parameters, prior=prior)
-
-    monkeypatch.setattr('gip_localizer.core.localizer.judge', spoilt)
-    localizer = make(road)
-    localizer.set_prior(0, frame[0] @ Pose2(0.2, -0.1, 0.01), CERTAIN)
-    estimate = localizer.update(S, frame[1], CAMERA)
-    assert str(estimate.status) == told, estimate.reason
-    assert told == 'TRACKING' or 'contradict' in estimate.reason
 
 
 def test_a_prior_from_the_parameters_starts_it(road, frame):

@@ -27,6 +27,7 @@ from gip_localizer.core.match.posterior import independent_cells
 from gip_localizer.core.pose import difference
 from gip_localizer.core.refine.fit import Fit, SAME_PLACE
 from gip_localizer.core.search.local_search import SearchResult
+from gip_localizer.core.search.window import SearchWindow
 from gip_localizer.parameters import CameraMotion, Parameters
 
 TIGHT_XY, TIGHT_YAW = 0.15, 0.03  # m, rad: standard deviations of a prior that may vouch
@@ -106,7 +107,7 @@ def judge(
             f'score.min_overlap {parameters.score.min_overlap:.0%}'
         ), None, quality)
     fit = found.fits[0]
-    quality.update(_figures(found, independent_cells(match.weight), parameters.camera_motion))
+    quality.update(_figures(found, _lattice_cells(match), parameters.camera_motion))
     expected = prior is not None and _agrees(fit, prior)
     if not expected and found.lies_beyond:
         return Verdict(Status.NO_MATCH, (
@@ -138,6 +139,12 @@ def _competitor(found: SearchResult, fit: Fit) -> float:
             unexplained / max(other.residual / other.gain**2, 1e-12))
         for other in others
     ), default=0.0)
+
+
+def _lattice_cells(match: Match) -> float:
+    """Return the effective number of independent cells of a view as the lattice joins them."""
+    joined = min(match.view.grid.resolution / SearchWindow.cell, 1.0)
+    return independent_cells(match.weight) * joined**2
 
 
 def _figures(found: SearchResult, cells: float, motion: CameraMotion) -> dict[str, float]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+import sys
 
 from matplotlib import rc_context
 
@@ -41,7 +42,7 @@ def main(words: list[str] | None = None) -> int:
     columns = select(design)
     fitted = regress(design, columns)
     bins = reliability(design, design.left_out(columns))
-    _print(kept, design, columns, fitted, bins)
+    sys.stdout.write(report(kept, design, columns, fitted, bins))
     if options.write:
         TERMS.write_text(terms_module(fitted), encoding='utf-8')
         with rc_context(STYLE):
@@ -54,30 +55,39 @@ def _make_trials() -> None:
     made: list[trials.Trial] = []
     for world, setup in trials.jobs():
         made += trials.make(setup, world)
-        print(f'{world} {setup.name}: {len(made)} matches', flush=True)
+        sys.stdout.write(f'{world} {setup.name}: {len(made)} matches\n')
+        sys.stdout.flush()
     trials.write(trials.KEPT, made)
 
 
-def _print(
+def report(
     kept: list[trials.Trial], design: Design, columns: tuple[int, ...],
     fitted: Regression, bins: list[Bin],
-) -> None:
+) -> str:
+    """Return what the fit rests on, its numbers, and how reliable it is."""
     right = int(design.right.sum())
-    print(f'{right} right and {len(kept) - right} wrong matches of '
-          f'{len({t.part for t in kept})} parts in {len({t.world for t in kept})} worlds')
-    print('\nfigure            weight      from        to  log loss of left-out parts without it')
+    lines = [
+        f'{right} right and {len(kept) - right} wrong matches of '
+        f'{len({t.part for t in kept})} parts in {len({t.world for t in kept})} worlds', '',
+        'figure            weight      from        to  log loss of left-out parts without it',
+    ]
     for term, column in zip(fitted.terms, columns, strict=True):
         without = design.loss(design.left_out([other for other in columns if other != column]))
-        print(f'{term.figure:16s} {term.weight:7.3g} {term.low:9.3g} {term.high:9.3g}  '
-              f'{without:.4f}')
-    print(f'with all of them{design.loss(design.left_out(columns)):35.4f}')
-    print(f'offset           {fitted.offset:7.3g}')
+        lines.append(
+            f'{term.figure:16s} {term.weight:7.3g} {term.low:9.3g} {term.high:9.3g}  {without:.4f}'
+        )
     left = [name for name in design.names if name not in {t.figure for t in fitted.terms}]
-    print('not taken: ' + (', '.join(left) or 'none'))
-    print('\nconfidence   right  wrong  mean confidence  share right')
-    for b in bins:
-        print(f'{b.low:.2f} to {b.high:.2f} {b.right:6d} {b.wrong:6d} {b.expected:16.3f} '
-              f'{b.found:12.3f}')
+    lines += [
+        f'with all of them{design.loss(design.left_out(columns)):35.4f}',
+        f'offset           {fitted.offset:7.3g}',
+        'not taken: ' + (', '.join(left) or 'none'), '',
+        'confidence   right  wrong  mean confidence  share right',
+    ]
+    lines += [
+        f'{b.low:.2f} to {b.high:.2f} {b.right:6d} {b.wrong:6d} {b.expected:16.3f} {b.found:12.3f}'
+        for b in bins
+    ]
+    return '\n'.join(lines) + '\n'
 
 
 def terms_module(fitted: Regression) -> str:

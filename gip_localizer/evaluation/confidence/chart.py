@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from matplotlib.figure import Figure
 import numpy as np
@@ -47,7 +48,7 @@ def reliability(design: Design, odds: Floats) -> list[Bin]:
     confidence = 1.0 / (1.0 + np.exp(-odds))
     place = np.clip(np.searchsorted(EDGES, confidence, side='right') - 1, 0, len(EDGES) - 2)
     bins = []
-    for k, (low, high) in enumerate(zip(EDGES[:-1], EDGES[1:], strict=True)):
+    for k, (low, high) in enumerate(pairwise(EDGES)):
         held = place == k
         if held.any():
             weights, right = design.weights[held], design.right[held]

@@ -23,17 +23,22 @@ from gip_localizer.core.confidence import Term
 from gip_localizer.evaluation.confidence.trials import FIGURES, Trial
 
 SENSES: Mapping[str, float] = {
-    'margin': 1.0, 'competitor': -1.0, 'significance': 1.0, 'agreement': 1.0,
-    'overdispersion': -1.0, 'sigma_cells': -1.0, 'suspension': -1.0,
+    'margin': 1.0, 'significance': 1.0, 'agreement': 1.0, 'overdispersion': -1.0,
+    'sigma_cells': -1.0, 'suspension': -1.0,
 }
 """Of each figure: 1 where more of it speaks for a match, -1 where it speaks against."""
-QUANTILES = (0.02, 0.98)  # of a figure over the trials: beyond them it counts as at them
-LEAST_FIGURE = 1e-2  # whose logarithm is taken
+QUANTILES = (0.02, 0.98)
+"""Of a figure over the trials (no unit): beyond them it counts as at them; chosen."""
+LEAST_FIGURE = 1e-2
+"""Smallest figure (no unit) whose logarithm is taken; chosen."""
 PLAIN = {'overdispersion': 1.0, 'suspension': 1.0}
-"""Figures below which all is as the noise model or the calibration says: no evidence either way."""
-RIDGE = 2e-4  # log loss per squared weight of a standardized figure
-LEAST_GAIN = 0.02  # share of the log loss of left-out parts that a figure must take away
-DIGITS = 3  # of the numbers that the core holds
+"""Figures (no unit) up to which all is as noise model and calibration say: no evidence."""
+RIDGE = 2e-4
+"""Log loss per squared weight of a standardized figure; 1e-3 and 5e-5 fit no better."""
+LEAST_GAIN = 0.02
+"""Share (no unit) of the log loss of left-out parts that a figure must take away; chosen."""
+DIGITS = 3
+"""Significant digits of the numbers that the core holds; chosen."""
 
 
 @dataclass(frozen=True)

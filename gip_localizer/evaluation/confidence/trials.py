@@ -41,13 +41,13 @@ from gip_localizer.parameters.spec import Value
 WORLDS = (5_100_002, 5_100_003)
 MORE_WORLDS = (5_100_004, 5_100_005)
 """Seeds of the worlds, of no suite, test or document; `MORE_WORLDS` of the hard parts alone."""
-FRAMES = 2  # of each part in each world
+FRAMES = 2
+"""Number of frames of each part in each world."""
 STARTS = (RIGHT, 'outside the window', 'another street', 'beside the road')
 KEPT = Path(__file__).with_name('trials.csv')
 """The figures of the trials, from which the fit can be made again in seconds."""
 FIGURES = (
-    'margin', 'competitor', 'significance', 'agreement', 'overdispersion', 'sigma_cells',
-    'suspension',
+    'margin', 'significance', 'agreement', 'overdispersion', 'sigma_cells', 'suspension',
 )
 """What of each match is recorded: the candidates for the fit."""
 SMALL_CAMERA: dict[str, Value] = {'lens.width': 640, 'lens.height': 360, 'lens.focal': 450.0}
