@@ -211,7 +211,8 @@ def doubtful(search, least):
     """Return the search with so little agreement that its confidence is just below a figure."""
     match, found = search
     return next(
-        less for share in np.geomspace(1.0, 1e-3, 700) for less in [changed(found, agreement=share)]
+        less for share in np.geomspace(1.0, 1e-3, 700)
+        for less in [changed(found, agreement=share)]
         if judge(match, less, PARAMETERS).quality['confidence'] < least
     )
 
