@@ -102,7 +102,7 @@ def test_bad_odometry_is_named_and_poses_stay_right(vehicle, word, messages):
     vehicle.until_said('odometry', word, odometry=messages)
 
 
-@pytest.mark.parametrize('variance', [0.0, -0.04, math.nan])
+@pytest.mark.parametrize('variance', [-0.04, math.nan])
 def test_an_initialpose_with_a_bad_covariance_is_named_and_changes_nothing(
     vehicle, tester, variance
 ):

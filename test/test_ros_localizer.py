@@ -65,7 +65,8 @@ REFUSED = (
     ('search.x', 'wide', 'search.x'),
     ('score.metric', 'manhattan', 'gip_normalized'),
     ('birdseye.near', 50.0, 'birdseye.far'),
-    ('map_file', '/other.yaml', 'map_file'),
+    ('map_file', '/other.yaml', 'there is no such file'),
+    ('mask_file', '/other.png', 'read-only'),
 )
 
 
@@ -95,7 +96,8 @@ def test_parameters_are_described_with_range_and_unit(tester, localizer):
     [bounds] = described.floating_point_range
     assert bounds.from_value == 0.01
     assert bounds.to_value == 100.0
-    assert tester.describe('map_file').read_only
+    assert tester.describe('mask_file').read_only
+    assert not tester.describe('map_file').read_only
 
 
 BROKEN = {

@@ -151,6 +151,10 @@ class Integrity:
         0.35, 'The same for a match that lies where earlier fixes and the motion predict it.',
         low=0.0, high=1.0,
     )
+    min_winner_mass: float = p(
+        0.9, 'Least share of the posterior in the winning mode, unless its margin is large.',
+        low=0.0, high=1.0,
+    )
     min_contrast: float = p(
         0.002, 'Least weighted standard deviation of the view, grey levels of [0, 1].', low=0.0,
         high=1.0,
