@@ -32,6 +32,7 @@ from ros_scene import (
     WORLD,
 )  # fmt: skip
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_srvs.srv import Trigger
 
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.io.map_files import save_map
@@ -194,6 +195,28 @@ def test_relocalize_is_refused_with_its_reason_while_images_are_ignored(start, t
     answer = tester.trigger('/localizer/relocalize')
     assert not answer.success
     assert '~/enable' in answer.message
+
+
+def test_relocalize_and_wait_answers_with_the_outcome(start, tester, render):
+    process = start(UNPOSED)
+    client = tester.create_client(Trigger, '/localizer/relocalize_and_wait')
+    tester.until(client.service_is_ready, 'the service')
+    tester.spin(0.2)
+
+    def answer(images):
+        asked = client.call_async(Trigger.Request())
+        tester.until(lambda: send(tester, next(images), process) or asked.done(), 'an answer')
+        return asked.result()
+
+    found = answer(frames(render(START)))
+    assert found.success
+    assert found.message.startswith(('found: x 1.00', 'found: x 0.99'))
+    grey = np.full((240, 320), 90, np.uint8)
+    lost = answer(frames(grey, 1_800_000_000 * 10**9))
+    assert not lost.success
+    assert lost.message.startswith('not found: LOW_CONTRAST')
+    assert tester.switch('/localizer/enable', False).success
+    assert '~/enable' in tester.trigger('/localizer/relocalize_and_wait').message
 
 
 def test_ctrl_c_amid_the_imports_is_quiet(tmp_path):

@@ -11,6 +11,7 @@ services, parameters and diagnostics are answered.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 import time
 from typing import Any
@@ -28,6 +29,7 @@ from gip_localizer.parameters import Parameters
 from gip_localizer.ros.endpoints import namesakes
 from gip_localizer.ros.localizer.diagnostics import DiagnosticsPublisher
 from gip_localizer.ros.localizer.publishers import Outputs
+from gip_localizer.ros.localizer.search_service import SearchService
 from gip_localizer.ros.localizer.subscriptions import Inputs
 from gip_localizer.ros.localizer.transforms import follow, MapToOdom
 from gip_localizer.ros.localizer.worker import Worker
@@ -105,6 +107,7 @@ class Localization:
             self._inputs.image_topic, rectified=self._parameters.camera.rectified
         ))
         node.create_service(Trigger, '~/relocalize', self._on_relocalize)
+        self._searches = SearchService(node, self._search_refusal, self._request_search)
         node.create_service(SetBool, '~/enable', self._on_enable)
         warn_of_unknown_qos(node)
         self._looks = 0
@@ -201,6 +204,7 @@ class Localization:
         if self._health.wanted:
             self._publish(estimate, elapsed_ms)
         self._health.took(estimate, elapsed_ms)
+        self._searches.take(estimate)
         state = self._dispatch.frontend.localizer.state
         if seconds := state.stamps.went_back:
             self._health.time_went_back(seconds)
@@ -261,6 +265,7 @@ class Localization:
         self._health.simulated = bool(self._node.get_clock().ros_time_is_active)
         self._health.clock_shows(self._now_ns())
         self._hear()
+        self._searches.look()
         if self._looks % LOOKS_PER_REPORT == 0:
             self._lasts('DUPLICATE_NAME', namesakes(self._node))
         self._looks += 1
@@ -272,16 +277,27 @@ class Localization:
     def _on_relocalize(
         self, _request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        if not self._health.wanted:
-            response.success = False
-            response.message = 'images are ignored: ' + (
-                'call ~/enable with data: true' if self._health.active else 'activate the node'
-            )
-            return response
-        self._worker.when_free(self._dispatch.relocalize)
-        response.success = True
-        response.message = 'the next frame is searched for in the whole map'
+        response.message = self._search_refusal()
+        response.success = not response.message
+        if response.success:
+            self._worker.when_free(self._dispatch.relocalize)
+            response.message = 'the next frame is searched for in the whole map'
         return response
+
+    def _search_refusal(self) -> str:
+        """Say why no frame would be searched for; empty: the next one would be."""
+        if self._health.wanted:
+            return ''
+        return 'images are ignored: ' + (
+            'call ~/enable with data: true' if self._health.active else 'activate the node'
+        )
+
+    def _request_search(self, then: Callable[[], None]) -> None:
+        def search() -> None:
+            self._dispatch.relocalize()
+            then()
+
+        self._worker.when_free(search)
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._health.enabled = bool(request.data)
