@@ -160,7 +160,7 @@ def _figures(found: SearchResult, cells: float, motion: CameraMotion) -> dict[st
     assert found.surface is not None
     fit = found.fits[0]
     sigma = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
-    own = float(np.trace((fit.covariance - fit.smooth)[:2, :2]))
+    own = float(np.trace(fit.own_covariance[:2, :2]))
     lattice = float(found.scores.correlation[found.surface.winner])
     competitor = _competitor(found, fit)
     figures = {

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 import math
@@ -28,13 +29,12 @@ class Fit:
     ----------
     pose : Pose2
         Base in map.
-    covariance : (3, 3) float64
+    own_covariance : (3, 3) float64
         Of x, y (m) and yaw (rad) in the axes of the pose (ahead, left), from how far each block
         of road moves it, so that correlated residuals count as what they are; wider where a share
-        of the road disagrees.
-    smooth : (3, 3) float64
-        The part of it from smooth errors of road, map and calibration, which the frames after
-        this one share.
+        of the road disagrees. Without smooth errors.
+    find_smooth : callable
+        Computes `smooth`, which takes milliseconds and is needed of few fits.
     problem : LeastSquaresProblem
         The least-squares problem at the pose.
     camera_motion : (3,) float64
@@ -64,8 +64,8 @@ class Fit:
     """
 
     pose: Pose2
-    covariance: Floats
-    smooth: Floats
+    own_covariance: Floats
+    find_smooth: Callable[[], Floats]
     problem: LeastSquaresProblem
     camera_motion: Floats
     gain: float
@@ -89,6 +89,21 @@ class Fit:
 
         """
         return self.problem.fisher()
+
+    @cached_property
+    def smooth(self) -> Floats:
+        """
+        Covariance (3, 3) from smooth errors of road, map and calibration.
+
+        The frames after this one share these errors. Zero where the refinement did not converge.
+
+        """
+        return self.find_smooth() if self.converged else np.zeros((3, 3))
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Covariance (3, 3) of x, y (m) and yaw (rad) in the axes of the pose."""
+        return self.own_covariance + self.smooth
 
     @property
     def covariance_in_map(self) -> Floats:

@@ -16,6 +16,8 @@ cells, with the blur.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 import math
 
 import numpy as np
@@ -155,14 +157,13 @@ class Refiner:
         drift = math.hypot(state.pose.x - start.x, state.pose.y - start.y)
         sums = problem.sums(self._stages[-1].blocks)
         spread = problem.block_covariance(sums)
-        smooth = self._smooth_errors.covariance(sums)
-        covariance = smooth + spread / _recognised(problem)
-        covariance += _beyond(coarser, state.pose, layers[-1])
+        covariance = spread / _recognised(problem) + _beyond(coarser, state.pose, layers[-1])
         converged = (
             drift < MAX_DRIFT and _is_covariance(covariance) and settled(state.step, covariance)
         )
         return _fit(
-            problem, state, spread, covariance, smooth, layers[-1], converged=converged
+            problem, state, spread, covariance, partial(self._smooth_errors.covariance, sums),
+            layers[-1], converged=converged,
         )
 
 
@@ -200,14 +201,14 @@ def _beyond(coarser: Pose2, pose: Pose2, layer: Layer) -> Floats:
 
 def _fit(
     problem: LeastSquaresProblem, state: RefinementState, spread: Floats, covariance: Floats,
-    smooth: Floats, layer: Layer, *, converged: bool,
+    find_smooth: Callable[[], Floats], layer: Layer, *, converged: bool,
 ) -> Fit:
     weight = float(layer.weights.sum(dtype=np.float64))
     known = float(layer.weights[problem.all_weights > 0.0].sum(dtype=np.float64))
     return Fit(
         pose=state.pose,
-        covariance=covariance,
-        smooth=smooth,
+        own_covariance=covariance,
+        find_smooth=find_smooth,
         problem=problem,
         camera_motion=state.camera_motion,
         gain=problem.gain,
