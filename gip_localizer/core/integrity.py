@@ -3,11 +3,11 @@
 """
 Whether a match is believed, and the figures that decide it.
 
-No single score of a match tells a wrong place from a poor one: lines alone correlate well a lamp
-post further on, and a crowded road poorly at the right place. Several figures together do: above
-all how far a match is ahead of the best one elsewhere, by the share of the road that agrees and
-how much likelier the map makes it (`Fit.fit_score`), less what another place reaches of both. The
-probability of a right match follows from them by a logistic regression on trials at right and
+No single score separates a wrong place from a right one: lane lines still correlate well some
+metres further along the road; with many cars even the right place correlates poorly. Several
+figures together do, above all the margin over the best other place: by the share of the road that
+agrees and how much likelier the map makes it (`Fit.fit_score`), less what the other place reaches
+of both. The probability of a right match is a logistic regression on them, from trials at right and
 wrong starts (`confidence_terms`, written by `make fit-confidence`). Three limits on the margin,
 on other places and on the posterior withhold further.
 
@@ -38,7 +38,8 @@ from gip_localizer.parameters import CameraMotion, Parameters
 FIRST_MARGIN = 0.384
 MOST_COMPETITOR = 0.73
 LARGE_MARGIN = 1.0
-TIGHT_XY, TIGHT_YAW = 0.15, 0.03  # m, rad: standard deviations of a prior that may vouch
+# Largest standard deviations of a prior (m, rad) that supports a match near it. Chosen.
+TIGHT_XY, TIGHT_YAW = 0.15, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +138,7 @@ def _agrees(fit: Fit, prior: Belief) -> bool:
 
 
 def _competitor(found: SearchResult, fit: Fit) -> float:
-    """Likeness of the best other place: as much agrees, and no worse (1: cannot be told apart)."""
+    """Likeness of the best other place: as much agrees, and no worse (1: indistinguishable)."""
     others = [
         other for other in found.fits[1:]
         if fit.distance(other) > SAME_PLACE

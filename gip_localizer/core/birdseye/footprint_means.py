@@ -24,7 +24,7 @@ from gip_localizer.core.birdseye.footprints import PARTS
 from gip_localizer.core.kernels.library import AVAILABLE, BLOCK
 from gip_localizer.core.threads import in_parallel, WORKERS
 
-BANDS_PER_WORKER = 2
+BANDS_PER_WORKER = 2  # parts of an image per thread, so that a late thread delays little; chosen
 
 
 class FootprintMeans:

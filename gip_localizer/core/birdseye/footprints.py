@@ -4,7 +4,7 @@
 Which part of which pixel sees which road cell: the overlap matrix, once per calibration.
 
 Entry (cell, pixel) is the share of the pixel's area that lies on the cell. Pixels that lie
-inside one cell are told by their corners; the others are divided into sub-pixels.
+inside one cell are recognized by their corners; the others are divided into sub-pixels.
 
 """
 

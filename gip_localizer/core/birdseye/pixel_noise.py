@@ -9,7 +9,8 @@ import numpy as np
 from gip_localizer.core.arrays import Grey, median, WHITE
 from gip_localizer.core.gramian import NOISE_FLOOR
 
-NOISE_BANDS = 12  # of three rows, spread over the image, that tell the noise
+# Bands of three rows, spread over the image, that the noise is measured in; chosen.
+NOISE_BANDS = 12
 
 
 def estimate_pixel_noise(image: Grey) -> float:

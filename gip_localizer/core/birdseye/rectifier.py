@@ -25,8 +25,8 @@ from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Birdseye
 
-LOOKED_AT = 128  # least value of a mask's pixel that is looked at
-MIN_CELLS = 20
+LOOKED_AT = 128  # least value of a mask's pixel that is used: half of full scale
+MIN_CELLS = 20  # least cells of a view that can be matched; chosen
 WHOLE = 0.99  # share of a footprint that must be unmasked
 MIN_FOOTPRINT = 0.02  # px²: smaller cells are beyond what sub-pixels resolve
 

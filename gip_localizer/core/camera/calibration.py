@@ -11,9 +11,10 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.errors import CalibrationError
 
+# Distortion models of sensor_msgs/CameraInfo, and their numbers of coefficients (OpenCV).
 PINHOLE_MODELS = {'plumb_bob': (4, 5), 'rational_polynomial': (8, 12, 14)}
 FISHEYE_MODELS = ('equidistant', 'fisheye')
-LARGEST = 1e7  # of all numbers of a CameraInfo
+LARGEST = 1e7  # largest absolute number of a CameraInfo, px and factors; chosen
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,7 @@ from gip_localizer.core.camera.calibration import Calibration, check_matrix, FIS
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Camera
 
+# Rotation from the camera's body frame (x forward) to its optical frame (z forward), REP 103.
 OPTICAL_FROM_BODY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 LEAST_DEPTH = 1e-6  # m along the optical axis: what lies nearer or behind is not in front
 HORIZON_MARGIN = 1e-3  # least depression of a ray, rad: beyond about 1000 camera heights is sky

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Bilinear samples of a grid of cells, with the slopes that the same four cells tell."""
+"""Bilinear samples of a grid of cells, with the slopes between the same four cells."""
 
 from __future__ import annotations
 

@@ -55,12 +55,12 @@ class RasterMap:
     valid : (rows, cols) bool or None
         Cells that hold data; None: all.
     noise : (rows, cols) uint8, uint16 or float32, or None
-        Standard deviation of each cell's grey, on a full scale as that of grey; None: not told.
+        Standard deviation of each cell's grey, on the full scale of the grey; None: unknown.
 
     Raises
     ------
     MapError
-        Empty array, unknown dtype, NaN or infinity (unknown cells are told by `valid`), or a
+        Empty array, unknown dtype, NaN or infinity (unknown cells are marked in `valid`), or a
         resolution that is not positive.
 
     """
@@ -141,7 +141,7 @@ class RasterMap:
         return self.origin.transform(local)
 
     def contains(self, xy_map: Floats) -> Bools:
-        """Tell which (..., 2) map points lie on the grid (data or not)."""
+        """Which (..., 2) map points lie on the grid, with data or not."""
         rc = self.to_cell(np.asarray(xy_map, float)) + 0.5
         rows, cols = self.grey.shape
         inside: Bools = (

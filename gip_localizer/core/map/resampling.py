@@ -14,14 +14,16 @@ from scipy.interpolate import CubicSpline
 from gip_localizer.core.arrays import Bools, Floats, Grey, WHITE
 from gip_localizer.core.cell_means import downsampled
 
+# Weights of four neighbouring cells that give the slope along the columns, per cell.
 SLOPE_RIGHT = np.array([[-0.5, 0.5], [-0.5, 0.5]], np.float32)
 WHOLE = 0.999  # share of known cells from which a larger one is known, but for rounding
-SAMPLED = 100_000  # cells that tell how much contrast a map has
-REACH = 5  # cells to either side that a spline between cells is told from
+SAMPLED = 100_000  # most cells from which the contrast of a map is estimated; chosen
+# Cells to either side that the spline between two cells depends on (0.27 to the 5th is 1e-3).
+REACH = 5
 
 
 def all_finite(values: Grey) -> bool:
-    """Tell whether an array holds neither NaN nor infinity."""
+    """Whether an array holds neither NaN nor infinity."""
     if values.dtype.kind != 'f':
         return True
     return bool(np.isfinite(values.min()) and np.isfinite(values.max()))

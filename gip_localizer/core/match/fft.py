@@ -25,7 +25,7 @@ from scipy import fft
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.kernels.library import AVAILABLE, pair_planes, sum_complex_products
 
-SIZES_TRIED, MULTIPLE = 8, 4
+SIZES_TRIED, MULTIPLE = 8, 4  # sizes that are compared, and their common factor; chosen
 ODD_COST = {32: 1.0, 16: 1.08, 8: 1.17, 4: 1.17}
 """Time per cell of sizes that are multiples of so many, and of no more."""
 Plane = NDArray[np.complex64]

@@ -22,7 +22,7 @@ CUTS = ((0, 1), (0, 1 / 2, 1), (0, 1 / 3, 2 / 3, 1), (0, 1 / 4, 3 / 4, 1), (0, 1
         (0, 1 / 8, 1 / 4, 3 / 4, 7 / 8, 1))
 """Where yaws may be divided, as shares of them all."""
 YAWS_OF_A_GROUP = 6  # at least
-TRANSFORMS_PER_YAW = 1.5  # of two yaws each, beside one per group and field
+TRANSFORMS_PER_YAW = 1.5  # of two yaws each, in addition to one per group and field
 
 
 @dataclass(frozen=True)

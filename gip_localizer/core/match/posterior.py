@@ -5,8 +5,8 @@ Step 4: scores and prior → modes, covariance, and whether to believe the winne
 
 The residuals of the score surface are log-likelihoods up to the noise scale, which the winner's
 own residual gives: `log p = -n/2 · R/R_min`, with n the number of independent cells. Normalised
-over the window with the prior it is a posterior, whose mass and spread tell a unique match from
-an ambiguous one.
+over the window with the prior it is a posterior, whose mass and spread separate a unique match
+from an ambiguous one.
 
 """
 
@@ -22,9 +22,11 @@ from gip_localizer.core.match.peaks import best_peaks, vertex
 from gip_localizer.core.match.score_surface import Scores
 from gip_localizer.core.pose import difference, Pose2
 
-CELLS_PER_INDEPENDENT = 9.0  # neighbouring residuals are alike: texture, blur, paint
-WINNER_RADIUS_M = 0.2
-WINNER_RADIUS_YAW = 0.03  # rad
+# Cells per independent cell: texture, blur and paint correlate the residuals of neighbours.
+# Chosen.
+CELLS_PER_INDEPENDENT = 9.0
+WINNER_RADIUS_M = 0.2  # half-width of the winning mode in x and y, m; chosen
+WINNER_RADIUS_YAW = 0.03  # half-width of the winning mode in heading, rad; chosen
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ ON_KNOWN_MAP = ('m', 'mm', 'vm')
 @dataclass(frozen=True, eq=False)
 class Residuals:
     """
-    Residuals of some candidates, with what else their sums tell.
+    Residuals of some candidates, with the other figures that their sums give.
 
     Attributes
     ----------

@@ -72,7 +72,7 @@ class Templates:
 
 
 def is_little(affine: Floats) -> bool:
-    """Tell whether the compiled loop can turn so far."""
+    """Whether the compiled loop can turn by this angle."""
     return bool(abs(affine[1, 0]) <= MOST_SLOPE and affine[0, 0] > 0.0)
 
 

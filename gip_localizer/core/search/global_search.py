@@ -31,7 +31,7 @@ from gip_localizer.core.search.window import SearchWindow
 from gip_localizer.parameters import Parameters
 
 MAX_CELLS = 400_000  # coarse map cells; a larger map is searched on larger cells
-CANDIDATES = 12
+CANDIDATES = 12  # places of the largest cells that are compared on smaller ones; chosen
 MOST_SEARCHED = 6  # of them that are searched to the end, those that look most alike
 KEPT = (64, 32)  # modes of the largest cells and below: 11 of 14 frames among cars, 9 with half
 WITHIN = 0.6  # over the best of them, as a share of its depth
@@ -143,7 +143,7 @@ def _apart(places: list[Place]) -> list[Place]:
 
 
 def _with_competitors(found: list[SearchResult], cells: float) -> SearchResult:
-    """Return the best local search beside the other places, its winner's mass less theirs."""
+    """Return the best local search with the other places; their mass is taken from its winner."""
     best = found[0]
     winner = best.fits[0]
     competitors = [f.fits[0] for f in found[1:] if f.fits[0].distance(winner) > SAME_PLACE]

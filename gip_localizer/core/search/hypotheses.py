@@ -12,7 +12,7 @@ from gip_localizer.core.match.posterior import PosteriorSurface, subcell_peak
 from gip_localizer.core.match.score_surface import Scores
 from gip_localizer.core.pose import Pose2
 
-MOST_COMPETITORS = 2
+MOST_COMPETITORS = 2  # competitors that are always refined; chosen
 COMPETITOR_SHARE = 0.6  # least share of the best lattice correlation of a competitor
 NEAR_TIE_SHARE, MOST_NEAR_TIES = 0.9, 6  # the same of a near tie, and how many are refined
 COMPETITOR_DISTANCE = 0.3  # m, least distance of a competitor from the winner
@@ -48,7 +48,7 @@ def competitors(hypotheses: list[Hypothesis], winner: Pose2) -> list[Hypothesis]
     """
     Return places that look nearly as good on the lattice as the winner: two, or more near ties.
 
-    The posterior cannot tell: it knows nothing of what the lattice's coarse cells cost a place
+    The posterior cannot decide it: it does not know what the lattice's coarse cells cost a place
     that lies between them.
 
     """

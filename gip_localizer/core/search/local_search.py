@@ -37,15 +37,17 @@ from gip_localizer.core.search.map_crops import MapCrops
 from gip_localizer.core.search.window import SearchWindow
 from gip_localizer.core.threads import check_end
 
-PEAKS = 8  # of each score surface that are looked at
-PLAIN_WINNER = 1.0  # fit_score of a fit beside which no other mode needs a look, ...
-PLAIN_DISPERSION = 2.2  # ... unless the parts of the view contradict each other more than this
-ASIDE = (-0.2, 0.2)  # m along the weakest direction: hypotheses beside a fit that ...
-VALLEY = 3.0  # ... lies in a valley (anisotropy), or is good but contradicts itself
+PEAKS = 8  # most peaks of a score surface that are considered; chosen
+# Least fit score of a clear winner, next to which no other mode is refined; chosen.
+PLAIN_WINNER = 1.0
+PLAIN_DISPERSION = 2.2  # largest overdispersion of a clear winner; chosen
+# Offsets along the weakest direction, m, from which a doubtful fit is repeated; chosen.
+ASIDE = (-0.2, 0.2)
+VALLEY = 3.0  # least anisotropy of a fit that is repeated from these offsets; chosen
 # Largest pitch (rad) and least fit score at which the camera counts as at its calibrated pitch.
 CALM = (0.002, 0.5)
-HOPELESS = -40.0  # log posterior below the winner's at which a mode is not refined
-MOST_BEYOND = 0.05  # m outside the searched window, where nothing was compared with the match
+HOPELESS = -40.0  # log posterior relative to the winner's, below which no mode is refined; chosen
+MOST_BEYOND = 0.05  # largest distance of a match outside the searched window, m; chosen: one cell
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +94,7 @@ def around_winner(
     """
     Return a search, or one more with all that is around its best fit if that lies beyond.
 
-    What the first one found is kept beside: on repeated ground the equal places lie in it.
+    The result of the first search is kept too: on repeated ground it holds the equal places.
 
     """
     if found is None or not found.lies_beyond:
@@ -174,7 +176,7 @@ class _WindowSearch:
         The same from near by; what it finds counts if it is plain.
     unevenly : callable or None
         Fit from a pose, and a pitch, under a light that varies over the road: tried where even
-        light leaves a contradiction, and kept to if that tells more.
+        light leaves a contradiction, and used from then on if it fits better.
 
     """
 
@@ -204,7 +206,7 @@ class _WindowSearch:
         any(_is_plain(self._fit(start)) for start in worthy[:most])
 
     def is_level(self) -> bool:
-        """Tell whether the best mode is good and does not look as if the camera were pitched."""
+        """Whether the best mode is good, with the camera near its calibrated pitch."""
         if not self._hypotheses:
             return False
         start = self._hypotheses[0]
@@ -218,14 +220,14 @@ class _WindowSearch:
         return _is_plain(fit) or (calm and fit.fit_score > CALM[1])
 
     def found(self) -> SearchResult:
-        """Look beside a winner that may be the wrong one of several, and at its competitors."""
+        """Repeat a doubtful winner from next to it, and refine its competitors."""
         if not self._fits:
             return SearchResult(self._scores[0], None, [])
         best = self._best()
         if self._may_be_one_of_several(best):
             for distance in ASIDE:
-                beside = best.pose @ best.along_weakest(distance)
-                self._fits[beside] = self._refined(beside)
+                aside = best.pose @ best.along_weakest(distance)
+                self._fits[aside] = self._refined(aside)
             best = self._best()
         for start in competitors(self._hypotheses, best.pose):
             self._fit(start)
@@ -233,7 +235,7 @@ class _WindowSearch:
         return SearchResult(self._hypotheses[0].scores, self._hypotheses[0].surface, fits)
 
     def _may_be_one_of_several(self, best: Fit) -> bool:
-        """Tell a fit in a valley, where no fix before says which hollow, or that contradicts."""
+        """Whether a fit may be one of several optima: in a valley, or contradicting itself."""
         if best.fit_score <= PLAIN_WINNER:
             return False
         if self._quickly is None and best.anisotropy > VALLEY:

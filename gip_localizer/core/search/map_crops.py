@@ -23,9 +23,9 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.core.search.whole_map import average_map, WholeMap
 from gip_localizer.core.search.window import SearchWindow
 
-SNAP = 1.6  # m
-KEPT = 4
-BEYOND = 0.5  # m beyond the window, for the refinement's way
+SNAP = 1.6  # grid to which boxes are snapped, m; chosen
+KEPT = 4  # parts that are kept; chosen
+BEYOND = 0.5  # margin around the window for the steps of the refinement, m; chosen
 
 
 

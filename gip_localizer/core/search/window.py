@@ -10,12 +10,13 @@ import math
 from gip_localizer.core.belief import Belief
 from gip_localizer.parameters import Parameters
 
-FIRST_FIX_SIGMAS = 2.0  # a first prior's window covers this many standard deviations
-FIRST_FIX_LIMITS = (5.0, 0.6)  # m, rad: but no more than this
+FIRST_FIX_SIGMAS = 2.0  # standard deviations of a first prior that its window covers; chosen
+FIRST_FIX_LIMITS = (5.0, 0.6)  # largest half-widths of that window, m and rad; chosen for its time
 MOST_REACH = 10.0  # m: half-width of the widest search for places that equal a match
-FOLLOWED_CELL = 0.2  # m: the surface only has to tell that nothing is better elsewhere
-FOLLOWED_SIGMAS = 4.0  # a confirmed belief's window covers this many
-FOLLOWED_MARGIN = (0.2, 0.0150)  # m, rad: and this beyond them
+# Cell of the lattice while tracking, m; coarse, for it only excludes other places.
+FOLLOWED_CELL = 0.2
+FOLLOWED_SIGMAS = 4.0  # standard deviations of a confirmed belief that its window covers; chosen
+FOLLOWED_MARGIN = (0.2, 0.0150)  # added to them, m and rad; chosen
 
 
 @dataclass(frozen=True)

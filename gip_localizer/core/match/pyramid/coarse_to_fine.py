@@ -36,7 +36,7 @@ KEPT = (32, 16)  # modes kept of the whole window, and of each level below
 WITHIN = (0.35, 0.15, 0.2)  # over the best, as shares of its depth in the window; last: climbs
 FEW = 200  # translations that are scored all rather than on larger cells
 LEAST_CELLS = 450  # of the view on the largest cells
-MOST_DOWNSAMPLINGS = 4
+MOST_DOWNSAMPLINGS = 4  # levels above the finest one; chosen
 CLIMBED = 4  # starts on the lattice's own cells
 SHALLOW = 0.004  # a neighbour within this share of the least residual: a valley
 LOOSER = 0.8  # larger cells at the edge of the known map may belong to either side
@@ -178,9 +178,9 @@ def _descend(
 
 def _in_doubt(level: Level, depth: float, residual: float) -> bool:
     """
-    Tell whether noise may hide the best on larger cells, and scoring all is bearable.
+    Whether noise may hide the best on larger cells, and scoring all of them is affordable.
 
-    With weights that are inverse variances up to a factor, the residual tells the factor, and
+    With weights that are inverse variances up to a factor, the residual gives the factor, and
     cells / 2 * depth / residual is the logarithm of the likelihood ratio of the best place of
     larger cells and a usual one.
 

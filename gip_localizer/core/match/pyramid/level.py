@@ -24,7 +24,7 @@ from gip_localizer.core.cell_means import downsampled
 from gip_localizer.core.match.lattice import Lattice, make_canvas, widened
 from gip_localizer.core.pose import Pose2
 
-ORIGIN = Pose2(0.0, 0.0, 0.0)
+ORIGIN = Pose2(0.0, 0.0, 0.0)  # any anchor serves, for plans do not depend on it
 CORNER_STEP = 1.5  # cells that the corner of the view may move per yaw; its weight is nearer
 
 

@@ -25,8 +25,8 @@ from gip_localizer.core.match.pyramid.level import Level
 from gip_localizer.core.match.scoring import Scorer
 from gip_localizer.core.match.template_rotation import turn_affine
 
-TURNED = np.zeros((2, 3))  # instead of what turns, where that is done
-SPARE_BUFFERS = 32
+TURNED = np.zeros((2, 3))  # in place of the affine map of a template that is turned already
+SPARE_BUFFERS = 32  # buffers of one shape that are kept; chosen
 SPARE_BYTES = 1 << 20  # of each, at most
 
 
@@ -88,7 +88,7 @@ class LocalScores:
     normalized, min_overlap
         As for `match`.
     about : (int, int, int), optional
-        Only the part of the window about this candidate is prepared; `holds` tells whether it
+        Only the part of the window about this candidate is prepared; `holds` checks whether it
         is enough.
     reach : int
         Translations about it that may be scored.
@@ -132,7 +132,7 @@ class LocalScores:
         self._turned = {}
 
     def holds(self, index: Index) -> bool:
-        """Tell whether a candidate's neighbours may be asked for, two steps away at most."""
+        """Whether a candidate's neighbours up to two steps away can be scored."""
         half = self._level.lattice.half
         return all(
             (low == 0 or n - 2 >= low) and (high == 2 * h or n + 2 <= high) for n, low, high, h
@@ -154,7 +154,7 @@ class LocalScores:
         return min(box, key=self.known.__getitem__)
 
     def is_shallow(self, index: Index, share: float) -> bool:
-        """Tell whether another of the candidate's scored neighbours is about as good."""
+        """Whether another scored neighbour of the candidate is about as good."""
         limit = self.known[index] * (1.0 + share)
         return any(place != index and self.known[place] <= limit for place in self.box(index))
 
