@@ -7,9 +7,9 @@ No single score separates a wrong place from a right one: lane lines still corre
 metres further along the road; with many cars even the right place correlates poorly. Several
 figures together do, above all the margin over the best other place: by the share of the road that
 agrees and how much likelier the map makes it (`Fit.fit_score`), less what the other place reaches
-of both. The probability of a right match is a logistic regression on them, from trials at right and
-wrong starts (`confidence_terms`, written by `make fit-confidence`). Three limits on the margin,
-on other places and on the posterior withhold further.
+of both. The probability of a right match is a logistic regression on them, fitted to trials at
+right and wrong starts (`confidence_terms`, written by `make fit-confidence`). Three limits on the
+margin, on other places and on the posterior withhold further.
 
 """
 
