@@ -173,10 +173,31 @@ def changed(found, **changes):
 
 
 def test_a_match_is_withheld_by_its_confidence(search):
-    verdict = judge(search[0], doubtful(search, 0.94), PARAMETERS)
+    verdict = judge(search[0], doubtful(search, 0.89), PARAMETERS)
     assert verdict.status is Status.NO_MATCH
-    assert 'integrity.min_confidence 0.95' in verdict.reason
+    assert 'integrity.min_confidence 0.9' in verdict.reason
     assert all(term.figure in verdict.reason for term in TERMS)
+
+
+def test_a_first_match_needs_a_margin(search):
+    match, found = search
+    score = found.fits[0].fit_score / found.fits[0].agreement
+    for margin, status in ((0.38, Status.NO_MATCH), (0.39, Status.TRACKING)):
+        alone = replace(found, fits=[replace(found.fits[0], agreement=margin / score)])
+        parameters = Parameters.from_dict({'integrity.min_confidence': 0.5})
+        verdict = judge(match, alone, parameters)
+        assert verdict.status is status, verdict.reason
+
+
+def test_a_place_that_is_nearly_as_good_makes_it_ambiguous(search):
+    match, found = search
+    best = found.fits[0]
+    parameters = Parameters.from_dict({'integrity.min_confidence': 0.0})
+    for likeness, status in ((0.72, Status.TRACKING), (0.74, Status.AMBIGUOUS)):
+        elsewhere = replace(best, pose=best.pose @ Pose2(0.3, 0.0, 0.0),
+                            agreement=likeness * best.agreement)
+        verdict = judge(match, replace(found, fits=[best, elsewhere]), parameters)
+        assert verdict.status is status, verdict.reason
 
 
 def test_an_equal_place_makes_it_ambiguous(search):

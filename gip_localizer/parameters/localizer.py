@@ -144,7 +144,7 @@ class Integrity:
     """Limits below or above which a match is not published."""
 
     min_confidence: float = p(
-        0.95, 'Least probability that a match is at the right place, to be published.',
+        0.9, 'Least probability that a match is at the right place, to be published.',
         low=0.0, high=1.0,
     )
     min_confidence_tracking: float = p(
