@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Blocks of road: neighbouring cells whose sums are looked at together."""
+"""Blocks of road: groups of neighbouring cells whose sums are computed together."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from gip_localizer.core.arrays import Floats, Ints, stacked
 
 class Blocks:
     """
-    Cells divided into blocks of road, and those joined into larger ones.
+    Cells grouped into blocks of road, and these blocks grouped into larger blocks.
 
     Parameters
     ----------
     x, y : (n,) float32
-        Where the cells are, metres.
+        Positions of the cells, metres.
     sides : (float, float)
-        Of a block, metres ahead and left.
+        Side lengths of a block, metres ahead and left.
     joined : (int, int)
-        Blocks per larger one, ahead and left.
+        Number of blocks per larger block, ahead and left.
 
     Attributes
     ----------
     order : (n,) int
-        The cells block by block; all methods take cells in this order.
+        Indices of the cells, sorted by block; all methods expect cells in this order.
 
     """
 
@@ -61,12 +61,12 @@ class Blocks:
         return np.add.reduceat(values, self._larger_starts)
 
     def over_larger(self, values: Floats) -> Floats:
-        """Give every cell (n,) float32 the value of its larger block."""
+        """Return for every cell (n,) float32 the value of its larger block."""
         return np.repeat(values.astype(np.float32), self._larger_counts)
 
 
 Runs = list[tuple[slice, int]]
-"""Cells, and how many blocks, of the runs of blocks of equal size."""
+"""Runs of consecutive blocks of equal size: slice of the cells, number of blocks."""
 
 
 def _products(runs: Runs, left: Floats, right: Floats) -> Floats:
@@ -85,7 +85,7 @@ def _runs(sizes: Ints) -> Runs:
 
 
 def whole_blocks(side: float, wanted: float) -> int:
-    """Return how many blocks of a side make one of about the side that is wanted, at least 1."""
+    """Return how many blocks of a side fit best into a larger side `wanted`, at least 1."""
     return max(math.floor(wanted / side + 0.5), 1)
 
 

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Noise at edges: what a pixel errs by where the road changes within it.
+Noise at edges: the error of a pixel where the brightness of the road changes within it.
 
-A pixel that shows a point of its patch of road and not the mean (a coarse sensor, a renderer
-without anti-aliasing), or stands a fraction of a pixel elsewhere, errs in proportion to how far
-the road changes from pixel to pixel: `σ² = κ² |∂û/∂(u, v)|² / Ã`. How large κ is, the residuals
-tell: 0 for a camera that averages well, and then nothing changes.
+A pixel may sample one point of its patch of road instead of the mean (a coarse sensor, a renderer
+without anti-aliasing), or be displaced by a fraction of a pixel. Its error is then proportional
+to the change of the road's brightness from pixel to pixel: `σ² = κ² |∂û/∂(u, v)|² / Ã`. κ is
+estimated from the residuals; it is 0 for a camera that averages well, which adds no noise.
 
 """
 
@@ -17,16 +17,22 @@ import numpy as np
 from gip_localizer.core.arrays import Floats, median
 from gip_localizer.core.camera.model import CameraModel
 
-STEP = 1e-3  # m, of the differences
-OFTEN = 30  # cells with a telling edge from which their residuals are believed
-TELLING = 12.0  # variance of an edge, κ one pixel, over the cell's own
-CHI_SQ_MEDIAN = 0.455  # of the chi-square distribution with 1 degree of freedom
-MOST_SHARE = 1.0  # px²
+# Step (m) of the central differences of the projection (chosen).
+STEP = 1e-3
+# Least number of cells with a strong edge for which κ is estimated; with fewer it is 0 (chosen).
+OFTEN = 30
+# Least ratio of the edge variance for κ = 1 px to the cell's own variance, from which an edge
+# counts as strong (chosen).
+TELLING = 12.0
+# Median of the chi-square distribution with 1 degree of freedom.
+CHI_SQ_MEDIAN = 0.455
+# Largest κ² (px²): an error of one pixel (chosen).
+MOST_SHARE = 1.0
 
 
 class PixelSteps:
     """
-    How far the road moves from pixel to pixel, at some points.
+    Displacement on the road from one pixel to the next, at given points.
 
     Parameters
     ----------
@@ -61,19 +67,19 @@ class PixelSteps:
 
 def edge_share(residual: Floats, weights: Floats, changes: Floats) -> float:
     """
-    Tell κ², px², from the residuals of the cells whose edges stand out of their own noise.
+    Estimate κ² (px²) from the residuals of the cells whose edges exceed their own noise.
 
     Parameters
     ----------
     residual, weights : (n,) float32
-        v - a S û - b and 1/variance; 0: not looked at.
+        v - a S û - b and 1/variance; cells of weight 0 are ignored.
     changes : (n,) float32
         `PixelSteps.changes`, in grey levels of the view.
 
     """
-    telling = np.flatnonzero(changes * weights > TELLING)
-    if len(telling) < OFTEN:
+    strong = np.flatnonzero(changes * weights > TELLING)
+    if len(strong) < OFTEN:
         return 0.0
-    told, variance = changes.take(telling), 1.0 / weights.take(telling)
-    beyond = np.maximum(residual.take(telling) ** 2 - variance, 0.0)
-    return min(median(beyond / told) / CHI_SQ_MEDIAN, MOST_SHARE)
+    per_pixel, variance = changes.take(strong), 1.0 / weights.take(strong)
+    beyond = np.maximum(residual.take(strong) ** 2 - variance, 0.0)
+    return min(median(beyond / per_pixel) / CHI_SQ_MEDIAN, MOST_SHARE)

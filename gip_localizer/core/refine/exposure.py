@@ -8,7 +8,8 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 
-SHADING_RIDGE = 1e-3  # of the information on the gain
+# Ridge of the shading factors, as a share of the information on the gain (chosen).
+SHADING_RIDGE = 1e-3
 
 
 def exposure(
@@ -27,7 +28,7 @@ def exposure(
 
 def shading(values: Floats, predicted: Floats, weights: Floats, basis: Floats) -> Floats:
     """
-    How the gain varies over the image (vignetting, a dirty lens), as factors of a basis.
+    Estimate the variation of the gain over the image (vignetting, a dirty lens) in a basis.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ def shading(values: Floats, predicted: Floats, weights: Floats, basis: Floats) -
     Returns
     -------
     (k,) float64
-        Factors c of `v = a (1 + basis c) m + b`, shrunk towards none.
+        Factors c of `v = a (1 + basis c) m + b`, shrunk towards zero.
 
     """
     columns = np.concatenate([[predicted, np.ones_like(predicted)], basis * predicted])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A refined match: pose, covariance, and how well view and map agree there."""
+"""A refined match: pose, covariance, and the agreement of view and map at the pose."""
 
 from __future__ import annotations
 
@@ -15,9 +15,12 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.refine.least_squares import LeastSquaresProblem
 
-SAME_PLACE = 0.2  # m between fits, beyond which they are at different places
-LEVER = 6.0  # m: where a turn and a shift of the view are compared
-MOST_CORRELATION = 0.9999  # beyond which fits are equally good
+# Distance (m) between two fits beyond which they are at different places (chosen).
+SAME_PLACE = 0.2
+# Lever arm (m) that converts a rotation of the view into a displacement (chosen).
+LEVER = 6.0
+# Largest correlation that enters `Fit.evidence`; it keeps the logarithm finite (chosen).
+MOST_CORRELATION = 0.9999
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +33,9 @@ class Fit:
     pose : Pose2
         Base in map.
     own_covariance : (3, 3) float64
-        Of x, y (m) and yaw (rad) in the axes of the pose (ahead, left), from how far each block
-        of road moves it, so that correlated residuals count as what they are; wider where a share
-        of the road disagrees. Without smooth errors.
+        Of x, y (m) and yaw (rad) in the axes of the pose (ahead, left), from the influence of
+        each block of road on the pose, so that correlated residuals do not count as independent;
+        it is larger where a share of the road disagrees. Without smooth errors.
     find_smooth : callable
         Computes `smooth`, which takes milliseconds and is needed of few fits.
     problem : LeastSquaresProblem
@@ -44,18 +47,18 @@ class Fit:
     residual : float
         Weighted mean square of the residuals of the cells that agree.
     inliers : float
-        Share of the weight that agrees with the map, 0..1.
+        Share of the weight in cells that agree with the map, 0..1.
     correlation : float
         Weighted correlation of view and blurred map over the cells that agree.
     agreement : float
-        Share of the weight in blocks of road whose pattern is the map's, among those whose
-        pattern stands out of the noise, 0..1; 1 when outliers are not looked for.
+        Share of the weight in blocks of road whose pattern agrees with the map, among the blocks
+        whose pattern exceeds the noise, 0..1; 1 when outliers are not rejected.
     overlap : float
         Share of the weight on known map cells.
     converged : bool
         The last step was small and the pose stayed near its start.
     overdispersion : float
-        Standard deviations over those that the noise model alone explains.
+        Ratio of the standard deviations to those of the noise model alone.
     chi_sq : float
         Mean of squared residuals over their expected variance (1 when the noise model holds).
     cell : float
@@ -133,12 +136,12 @@ class Fit:
 
     def along_weakest(self, distance: float) -> Pose2:
         """
-        Return the motion (in the axes of the pose) along which the view tells least.
+        Return the motion (in the axes of the pose) that the view constrains least.
 
         Parameters
         ----------
         distance : float
-            Its length, metres; what a turn moves at `LEVER` counts.
+            Its length, metres; a rotation counts as the displacement at the distance `LEVER`.
 
         """
         _, directions = self._by_strength
@@ -147,13 +150,13 @@ class Fit:
 
     @property
     def anisotropy(self) -> float:
-        """Standard deviation along what the view tells least, over that of what it tells most."""
+        """Ratio of the standard deviations along the least and the best constrained direction."""
         variances, _ = self._by_strength
         return math.sqrt(max(float(variances[-1]), 0.0) / max(float(variances[0]), 1e-30))
 
     @cached_property
     def _by_strength(self) -> tuple[Floats, Floats]:
-        """Variances (3,), least first, that the noise model expects, and their directions."""
+        """Variances (3,) expected by the noise model, ascending, and their directions."""
         scale = np.diag([1.0, 1.0, LEVER])
         scaled = scale @ self.problem.expected @ scale
         if not np.isfinite(scaled).all():
@@ -163,17 +166,17 @@ class Fit:
 
     @property
     def evidence(self) -> float:
-        """Log likelihood per cell that the map gains over a blank road, `-ln(1 - c²)/2`."""
+        """Log likelihood ratio per cell of the map to a blank road, `-ln(1 - c²)/2`."""
         unexplained = 1.0 - min(max(self.correlation, 0.0), MOST_CORRELATION) ** 2
         return -0.5 * math.log(unexplained)
 
     @property
     def fit_score(self) -> float:
         """
-        How good the fit is among fits at other places: how much agrees, and how well.
+        Score by which fits at different places are compared.
 
-        The evidence over the share of the road that agrees: a fit that gives up the paint for
-        a larger share of weak asphalt does not win.
+        The evidence times the share of the road that agrees, so that a fit which matches only
+        weak asphalt texture does not exceed one that matches the paint.
 
         """
         return self.agreement * self.evidence

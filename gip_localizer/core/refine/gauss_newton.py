@@ -3,8 +3,8 @@
 """
 Gauss-Newton on the cells of one stage.
 
-The first step, and every one after a long one, looks the map up; after a short one the slopes
-that are there tell what it looks like from the new pose, at a fraction of the time.
+The map is sampled in the first step and after every long step. After a short step its values at
+the new pose are extrapolated from the slopes at the last samples, which takes much less time.
 
 """
 
@@ -30,16 +30,27 @@ from gip_localizer.core.refine.robust import (
     robust_weights,
 )
 
-EXPOSURE_ROUNDS = (2, 1)  # reweightings of gain and offset before a stage's first step, others
-FIRST_ROUNDS = 2  # more where the exposure was not known before
-DONE_XY, DONE_YAW = 3e-4, 5e-5  # m, rad: smaller steps end the last stage
-CONVERGED = 8.0  # last step, in these, below which the outcome is believed, ...
-CONVERGED_SIGMAS = 0.5  # ... or in standard deviations of the outcome
-LINEAR = 10.0  # step, in these, up to which the slopes tell the map's values
-STALE = 20.0  # step, in these, up to which the slopes themselves hold
-MAX_STEP = np.array([0.15, 0.15, 0.03])  # m, m, rad: no step may leave the basin
-MAX_SUSPENSION = np.array([0.03, 0.03, 0.1])  # rad, rad, m: nor the camera turn from the road
+# Reweightings of gain and offset before a stage's first step, and before its other steps (chosen).
+EXPOSURE_ROUNDS = (2, 1)
+# Additional reweightings in the first stage, before which the exposure is unknown (chosen).
+FIRST_ROUNDS = 2
+# Step (m, rad) below which the last stage ends (chosen).
+DONE_XY, DONE_YAW = 3e-4, 5e-5
+# Largest last step of a converged fit, in units of DONE_XY and DONE_YAW (chosen).
+CONVERGED = 8.0
+# Largest last step of a converged fit, in standard deviations of the result (chosen).
+CONVERGED_SIGMAS = 0.5
+# Largest step, in units of DONE_XY and DONE_YAW, after which the map is extrapolated (chosen).
+LINEAR = 10.0
+# Largest step, in units of DONE_XY and DONE_YAW, after which the slopes are reused (chosen).
+STALE = 20.0
+# Largest step of the pose (m, m, rad), so that it stays in the basin of convergence (chosen).
+MAX_STEP = np.array([0.15, 0.15, 0.03])
+# Largest step of pitch, roll and height (rad, rad, m), so that the road stays in view (chosen).
+MAX_SUSPENSION = np.array([0.03, 0.03, 0.1])
+# Least gain of the view relative to the map (chosen).
 MIN_GAIN = 0.02
+# Least number of known cells for a fit (chosen).
 MIN_CELLS = 20
 
 
@@ -99,7 +110,7 @@ class GaussNewton:
         return EXPOSURE_ROUNDS[min(count, 1)] + first
 
     def _foresee(self, problem: LeastSquaresProblem, step: Floats, length: float) -> None:
-        """Keep what is known of the map for the next step, as far as that was short."""
+        """Keep samples and slopes of the map for the next step if this step was short."""
         self._seen = None
         if length > STALE:
             self._columns = None
@@ -110,13 +121,13 @@ class GaussNewton:
             self._seen = predicted, problem.all_weights
 
     def shaded(self, problem: LeastSquaresProblem) -> Floats:
-        """How the gain varies over the image, as found here on top of what is known: (k,)."""
+        """Shading factors (k,): those of the state plus the correction estimated here."""
         return self._state.shading + shading(
             self._layer.values, problem.predicted, problem.weights, self._stage.optical
         )
 
     def lit(self) -> Light:
-        """Find the light at the state."""
+        """Estimate the light at the current state."""
         values, samples = self._layer.values, self._sampled()
         known = self._known(samples)
         gain, offset = exposure(values, self._under_light(samples), known, least_gain=MIN_GAIN)
@@ -124,7 +135,7 @@ class GaussNewton:
         return find_light(self._stage, values, samples.values, (known > 0.0).astype(np.float32))
 
     def _pattern(self, predicted: Floats) -> Floats:
-        """What of the prediction (n,) the light does not explain."""
+        """Part of the prediction (n,) that the light model does not explain."""
         if self._light is None:
             return predicted
         return predicted - (self._light.veil + self._light.gain * self._light.broad)
@@ -168,14 +179,14 @@ class GaussNewton:
         )
 
     def _telling_scale_sq(self, residual: Floats, weights: Floats) -> float:
-        """Mean of r² W over the cells, each as far as its slopes tell the pose."""
+        """Mean of r² W over the cells, weighted by the information of each cell on the pose."""
         assert self._columns is not None
         _, (ahead, left, *_), _ = self._columns
-        told = weights * (ahead**2 + left**2)
+        information = weights * (ahead**2 + left**2)
         return float(told @ (weights * residual**2)) / max(float(told.sum()), 1e-20)
 
     def _without_edges(self, weights: Floats, residual: Floats, gain: float) -> Floats:
-        """Weights less what the edges err by; found once."""
+        """Weights reduced by the noise at edges, which is estimated once."""
         steps = self._stage.pixel_steps
         if steps is None:
             return weights
@@ -186,7 +197,7 @@ class GaussNewton:
         return weights / (np.float32(1.0) + weights * self._edges)
 
     def _look(self) -> tuple[Floats, Floats]:
-        """Map behind the pixel blur, and weights of known cells, (n,); slopes if they are old."""
+        """Blurred map and weights of known cells, (n,); outdated slopes are computed again."""
         samples = self._sampled()
         sampled = self._under_light(samples)
         predicted = self._stage.blurred(sampled)
@@ -195,7 +206,7 @@ class GaussNewton:
         return predicted, self._known(samples)
 
     def _sampled(self) -> Samples:
-        """The map where the cells are."""
+        """Sample the map at the cells."""
         self._points = self._stage.suspension.road_points(self._state.camera_motion)
         return self._layer.raster_map.sample_from(self._state.pose, *self._points)
 
@@ -206,14 +217,14 @@ class GaussNewton:
         return lit if self._light is None else lit + self._light.veil
 
     def _known(self, samples: Samples) -> Floats:
-        """Weights (n,) of the cells that the map knows."""
+        """Weights (n,); 0 for cells outside the known map."""
         known = self._layer.weights
         if samples.valid is not None:
             known = known * samples.valid
         return self._less_noise(known, samples)
 
     def _less_noise(self, weights: Floats, samples: Samples) -> Floats:
-        """Weights (n,) less what the map itself tells of its errors: G = 1/(1/G + a² σ²)."""
+        """Weights (n,) reduced by the noise that the map specifies: G = 1/(1/G + a² σ²)."""
         noise = self._layer.raster_map.noise
         if noise is None:
             return weights
@@ -222,7 +233,7 @@ class GaussNewton:
         return np.asarray(weights / (np.float32(1.0) + weights * variance))
 
     def _slopes(self, samples: Samples, sampled: Floats, predicted: Floats) -> Columns:
-        """Instruments and slopes; the pixel blur changes no lever."""
+        """Instruments and slopes; the pixel blur does not change the lever arms."""
         points = self._points
         ahead, left = self._under_shade(samples.slopes())
         self._sharp = ahead, left
@@ -267,7 +278,7 @@ class GaussNewton:
         return rows
 
     def _agreed(self, predicted: Floats, weights: Floats) -> Floats:
-        """Weights without the blocks that do not show the map; found once."""
+        """Weights without the blocks that disagree with the map, which are found once."""
         state = self._state
         if not self._unknowns.robust:
             return weights
@@ -294,7 +305,7 @@ class GaussNewton:
 
 
 def settled(step: Floats, covariance: Floats) -> bool:
-    """Tell whether a last step (3,) is little against the outcome's standard deviations."""
+    """Return whether the last step (3,) is small against the standard deviations of the result."""
     least = CONVERGED * np.array([DONE_XY, DONE_XY, DONE_YAW])
     sigmas = np.sqrt(np.diag(covariance))
     return bool(np.all(np.abs(step) < np.maximum(least, CONVERGED_SIGMAS * sigmas)))

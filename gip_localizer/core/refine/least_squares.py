@@ -27,14 +27,23 @@ from gip_localizer.core.refine.blocks import Blocks
 from gip_localizer.core.refine.robust import LEAST_PATTERN
 from gip_localizer.core.refine.smooth_errors import BlockSums, GEOMETRY
 
-DAMPING = np.array([1.0, 1.0, 25.0])  # 1/m², 1/m², 1/rad²: no step along what nothing tells
-WIDEST = np.array([30.0, 30.0, 3.0])  # m, m, rad: what is known of any pose near its start
-MOST_OVERDISPERSION = 1e3  # also told where nothing can be
-SINGULAR = 1e-9  # least eigenvalue of an information matrix scaled to a unit diagonal
-LEAST_DIAGONAL = 1e-15  # that scales a matrix so: at a hopeless place it may be negative
-SMALL_SAMPLE = 0.5  # blocks that the smallness of a sample takes off their effective number
-MOST_LEVERAGE = 0.98  # of a block that is made up for
-LEAST_SPREAD = 0.05  # of the noise model's standard deviations: residuals may be small by chance
+# Damping of a step (1/m², 1/m², 1/rad²) along directions that nothing constrains (chosen).
+DAMPING = np.array([1.0, 1.0, 25.0])
+# Standard deviations (m, m, rad) of a weak prior on every pose around its start (chosen).
+WIDEST = np.array([30.0, 30.0, 3.0])
+# Largest overdispersion, also returned where it cannot be computed (chosen).
+MOST_OVERDISPERSION = 1e3
+# Least eigenvalue of an information matrix scaled to a unit diagonal (chosen).
+SINGULAR = 1e-9
+# Least diagonal element for this scaling; at a wrong place elements may be negative (chosen).
+LEAST_DIAGONAL = 1e-15
+# Number of blocks subtracted from the effective number, as small-sample correction (chosen).
+SMALL_SAMPLE = 0.5
+# Largest leverage of a block that is corrected for (chosen).
+MOST_LEVERAGE = 0.98
+# Least standard deviation, as a share of the noise model's: residuals may be small by chance
+# (chosen).
+LEAST_SPREAD = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +137,7 @@ class LeastSquaresProblem:
 
     def block_covariance(self, sums: BlockSums) -> Floats:
         """
-        Return the covariance (3, 3) of the geometry: how far each block of road moves it.
+        Return the covariance (3, 3) of the pose from the influence of each block of road.
 
         A block moves the estimate by `A⁻¹ g_b`, with the whole slope A and its gradient g_b. One
         that decides alone has residuals that are small whatever its error is; its leverage makes
@@ -151,12 +160,12 @@ class LeastSquaresProblem:
 
     @cached_property
     def expected(self) -> Floats:
-        """Covariance (3, 3) of the geometry that the noise model alone explains."""
+        """Covariance (3, 3) of the pose from the noise model alone."""
         return _positive_inverse(self.information)[:GEOMETRY, :GEOMETRY]
 
     def overdispersion(self, covariance: Floats) -> float:
         """
-        Standard deviations over those that the noise model alone explains (root mean square).
+        Return the root-mean-square ratio of the standard deviations to the noise model's.
 
         Near 1 where view and map differ by the noise that is assumed; large where the parts of
         the view pull in different directions, as at a wrong place.
@@ -199,7 +208,7 @@ class LeastSquaresProblem:
 
 def _effective(moved: Floats, covariance: Floats) -> float:
     """
-    Effective number of blocks behind a covariance: of a few, the spread is small by chance.
+    Return the effective number of blocks in a covariance; with few, it is small by chance.
 
     Parameters
     ----------
@@ -215,7 +224,7 @@ def _effective(moved: Floats, covariance: Floats) -> float:
 
 def _moved(whole: Floats, parts: Floats, pulls: Floats) -> Floats:
     """
-    How far each block moves the estimate, its pull as strong as its errors, (blocks, p).
+    Return the influence (blocks, p) of each block on the estimate, corrected for its leverage.
 
     Of the errors' variance the fit leaves in a block the share 1 - h along an axis with leverage
     h, an eigenvalue of `A^-1/2 A_b A^-1/2`: its residuals pull too weakly by the root of that.
@@ -257,7 +266,7 @@ def _positive_inverse(matrix: Floats) -> Floats:
 
 
 def _inverse_root(matrix: Floats) -> Floats:
-    """R (p, p) whose product R Rᵀ is that inverse."""
+    """Root R (p, p) of that inverse: R Rᵀ."""
     unit = 1.0 / np.sqrt(np.maximum(np.diag(matrix), LEAST_DIAGONAL))
     values, vectors = np.linalg.eigh(matrix * np.outer(unit, unit))
     return np.asarray(unit[:, None] * (vectors / np.sqrt(np.maximum(values, SINGULAR))))

@@ -18,18 +18,24 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.refine.stages import Stage
 
-BRIGHTNESS_SIDE = 4.0  # cells of the view (standard deviation) over which brightness is the same
-CONTRAST_SIDE = 16.0  # and over which contrast is
-BRIGHTNESS, CONTRAST = (0.05, 4.0), (0.05, 2.0)  # limits of each, over its mean
-RIDGE = np.float32(0.01)  # share of seen cells below which the light is even
-DARK = 0.25  # of the mean brightness, below which cells tell little of it
-FLAT = np.float32(0.1)  # of the mean pattern, below which cells tell little of the contrast
+# Standard deviation (cells of the view) of the filter that estimates the brightness (chosen).
+BRIGHTNESS_SIDE = 4.0
+# Standard deviation (cells of the view) of the filter that estimates the contrast (chosen).
+CONTRAST_SIDE = 16.0
+# Limits of brightness and of contrast, in units of their means (chosen).
+BRIGHTNESS, CONTRAST = (0.05, 4.0), (0.05, 2.0)
+# Share of seen cells below which the light is assumed uniform (chosen).
+RIDGE = np.float32(0.01)
+# Share of the mean brightness below which cells hardly constrain the brightness (chosen).
+DARK = 0.25
+# Share of the mean pattern below which cells hardly constrain the contrast (chosen).
+FLAT = np.float32(0.1)
 
 
 @dataclass(frozen=True, eq=False)
 class Light:
     """
-    What light makes of a map: `gain` times its grey plus `veil`.
+    The effect of the light on the map: `gain` times its grey level plus `veil`.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What a gauss_newton is given: a stage's cells of a frame, where to start, what is unknown."""
+"""Input of `GaussNewton`: a frame's cells at one stage, the initial state, the unknowns."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gip_localizer.core.refine.stages import OPTICAL_TERMS, Stage
 @dataclass(frozen=True, eq=False)
 class Unknowns:
     """
-    What is estimated beside x, y and yaw.
+    The parameters that are estimated in addition to x, y and yaw.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Unknowns:
     robust: bool
 
     def scales(self, gain: float) -> Floats:
-        """What the slopes (p,) of the map are in grey levels of the view."""
+        """Factors (p,) from the slopes of the map to grey levels of the view."""
         scales = np.full(len(self.prior), gain)
         if self.normalized:
             scales[-2:] = 1.0
@@ -49,9 +49,9 @@ class Unknowns:
 @dataclass(eq=False)
 class RefinementState:
     """
-    Pose, camera's motion (pitch, roll, height), last step; what the view is like.
+    Pose, camera motion (pitch, roll, height), last step, exposure, shading and light.
 
-    Where the light varies over the road, it stands for the shading of the lens too.
+    Where the light varies over the road, the light model includes the shading of the lens.
 
     """
 
@@ -64,7 +64,7 @@ class RefinementState:
     light: Light | None = None
 
     def shade(self, stage: Stage) -> Floats | None:
-        """How the lens shades the cells (n,), about 1; None: not at all."""
+        """Relative gain (n,) of the cells due to shading, about 1; None without shading."""
         if not self.shading.any():
             return None
         return np.float32(1.0) + self.shading.astype(np.float32) @ stage.optical
@@ -73,7 +73,7 @@ class RefinementState:
 @dataclass(frozen=True, eq=False)
 class Layer:
     """
-    One stage's cells of a frame, and the map they meet.
+    One stage's cells of a frame, and the map they are compared with.
 
     Attributes
     ----------

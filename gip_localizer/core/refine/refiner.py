@@ -35,13 +35,20 @@ from gip_localizer.core.refine.smooth_errors import SmoothErrors
 from gip_localizer.core.refine.stages import make_stages
 from gip_localizer.parameters import CameraMotion
 
-MAX_DRIFT = 1.0  # m from the start
-STAGE_SHARE = 0.001  # of the squared change since the coarser stage that counts as variance, ...
-MOST_CHANGE = 0.2  # ... up to this, in cells of the map that is met: more is the way there
-EXPECTED_INLIERS = 0.95  # share of the weight that agrees where view and map differ by noise
+# Largest distance (m) of a converged pose from its start (chosen).
+MAX_DRIFT = 1.0
+# Share of the squared change since the coarser stage that counts as variance (chosen).
+STAGE_SHARE = 0.001
+# Largest change (map cells) that counts so; a larger one is the convergence itself (chosen).
+MOST_CHANGE = 0.2
+# Share of the weight that agrees where view and map differ by noise alone (chosen).
+EXPECTED_INLIERS = 0.95
+# Least share of the weight that is assumed to agree (chosen).
 LEAST_INLIERS = 0.1
-LIGHT_ROUNDS = 3  # before the first step: gain and offset depend on the light
-PITCH_BASIN = 0.005  # rad: pitch from which the first stage still finds its way
+# Estimates of the light before the first step; gain and offset depend on it (chosen).
+LIGHT_ROUNDS = 3
+# Pitch error (rad) from which the first stage still converges (chosen).
+PITCH_BASIN = 0.005
 
 
 def _pitches(sigma: float) -> list[float]:
@@ -52,7 +59,7 @@ def _pitches(sigma: float) -> list[float]:
 
 
 def _is_covariance(matrix: Floats) -> bool:
-    """Tell whether a matrix is finite and positive definite."""
+    """Return whether a matrix is finite and positive definite."""
     return bool(np.isfinite(matrix).all() and np.linalg.eigvalsh(matrix).min() > 0.0)
 
 
@@ -89,7 +96,7 @@ class Refiner:
         stages: slice = slice(None),
     ) -> list[Layer]:
         """
-        Lay a frame out for the stages, once for all starts.
+        Prepare a frame for the stages, once for all starts.
 
         Parameters
         ----------
@@ -122,7 +129,7 @@ class Refiner:
         self, layers: list[Layer], start: Pose2, *, pitch: float = 0.0, uneven: bool = False
     ) -> Fit:
         """
-        Improve a pose.
+        Refine a pose.
 
         Parameters
         ----------
@@ -179,7 +186,7 @@ def _unknowns(camera_motion: CameraMotion, *, normalized: bool, robust: bool) ->
 
 def _recognised(problem: LeastSquaresProblem) -> float:
     """
-    Share of the road that agrees, over what noise alone leaves: at most 1.
+    Share of the road that agrees, relative to the share expected with noise alone; at most 1.
 
     What is not on the map is not told from the road to the last cell: the more of the view it
     hides, the more of it is taken for road. Errors behind cars are 1.3 times what the cells that
@@ -190,7 +197,7 @@ def _recognised(problem: LeastSquaresProblem) -> float:
 
 
 def _beyond(coarser: Pose2, pose: Pose2, layer: Layer) -> Floats:
-    """Covariance (3, 3) of what residuals do not tell: sampling, and what the stages disagree."""
+    """Covariance (3, 3) from sampling and from the difference between the last two stages."""
     locking = layer.locking
     change = difference(coarser.inverse() @ pose, Pose2(0.0, 0.0, 0.0))
     most = MOST_CHANGE * layer.raster_map.resolution

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How a view differs from the map other than by the pose: exposure, shading, what is not there."""
+"""Outliers: the noise level of the residuals, and cells and blocks that disagree with the map."""
 
 from __future__ import annotations
 
@@ -9,14 +9,22 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.refine.blocks import Blocks
 
-TRIMMED = 1.0 / 3.0  # share of the cells whose residuals tell the noise
-TRIMMED_CHI_SQ = 0.1855  # that quantile of the chi-square distribution, 1 degree of freedom
-BETTER_BLOCKS = 0.8  # quantile of the blocks' correlations that sets the standard
-LEAST_TELLING = 0.02  # share of the weight that must stand out of the noise to tell
-LEAST_PATTERN = 5e-4  # weighted standard deviation of a map that has any pattern
-TELLING = 0.35  # expected correlation below which a block's own says nothing
-OUTLIERS = (3.0, 6.0, 6.0, 3.0)  # standard deviations beyond which residuals lose weight, by ...
-SPREADS = (0.25, 1.0, 1.15, 1.5)  # ... their mean square over the assumed noise's
+# Quantile of the squared residuals from which the noise is estimated (chosen).
+TRIMMED = 1.0 / 3.0
+# The same quantile of the chi-square distribution with 1 degree of freedom.
+TRIMMED_CHI_SQ = 0.1855
+# Quantile of the blocks' correlations with which each block is compared (chosen).
+BETTER_BLOCKS = 0.8
+# Least share of the weight in blocks whose pattern exceeds the noise, for a decision (chosen).
+LEAST_TELLING = 0.02
+# Least weighted standard deviation (grey levels of [0, 1]) of a map with a pattern (chosen).
+LEAST_PATTERN = 5e-4
+# Least expected correlation of a block for which its measured correlation is used (chosen).
+TELLING = 0.35
+# Standard deviations beyond which residuals lose weight, for each value of `SPREADS` (chosen).
+OUTLIERS = (3.0, 6.0, 6.0, 3.0)
+# Ratios of the residuals' mean square to the assumed noise variance (chosen).
+SPREADS = (0.25, 1.0, 1.15, 1.5)
 
 
 
@@ -28,7 +36,7 @@ def agreeing(
     gain: float | None = None,
 ) -> tuple[Floats, float]:
     """
-    Tell the cells (n,) float32 0 or 1 in blocks of road whose pattern is the map's.
+    Mark the cells, (n,) float32 0 or 1, in blocks of road whose pattern agrees with the map.
 
     The second value is the share of the weight, among the blocks whose pattern stands out of
     the noise, that is in such blocks: 0 where no block's does.
@@ -84,11 +92,11 @@ def _quantile(values: Floats, share: float) -> float:
 
 def outlier_scale(residual: Floats, weights: Floats, scale_sq: float) -> float:
     """
-    Standard deviations beyond which residuals lose their weight.
+    Return the number of standard deviations beyond which residuals lose their weight.
 
-    Close limits cost a few hundredths of the error where all is noise: the mean square of the
-    residuals, `scale_sq` the noise's, is near 1 there. Above, some are not noise; far below, the
-    noise is assumed so large that the limits are wide as they are.
+    Where all residuals are noise, their mean square relative to `scale_sq` is near 1, and narrow
+    limits would increase the error by a few hundredths. Above 1 some residuals are outliers; far
+    below 1 the assumed noise is so large that a narrow limit is still wide.
 
     """
     cells = max(int(np.count_nonzero(weights)), 1)

@@ -1,19 +1,19 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Model errors that are smooth over the view: covariance of the pose that comes from them.
+Covariance of the pose from model errors that are smooth over the view.
 
-A road that is not a plane, a map that is bent and a camera that is not as calibrated displace
-what the view shows by a field u(x, y) that neighbouring parts of the road share. Blocks of road
-that are taken as independent average such a field away on paper, and not in fact. Block b, with
-matrix A_b and gradient g_b of the least-squares problem, sees
+An uneven road, a distorted map and a wrong calibration displace the content of the view by a
+smooth field u(x, y). Neighbouring blocks of road therefore have correlated errors; if they were
+treated as independent, the covariance would be too small. Block b, with matrix A_b and gradient
+g_b of the least-squares problem, observes
 
     g_b = A_b θ + A_b[:, xy] u_b + n_b,      u ~ N(0, s² K),  n_b ~ N(0, ν A_b[xy, xy])
 
 K is the sum of a map displacement, any direction, and of a road height, which displaces along the
-ray; both are Gaussian fields of a correlation length. Of the lengths, and of s²/ν, none is chosen:
-the restricted likelihood of the gradients weighs them (θ and ν are integrated out, see Harville
-1977), and the covariance is the mean over them. It vanishes where blocks disagree by no more than
+ray; both are Gaussian fields of a correlation length. No single length or ratio s²/ν is selected:
+the restricted likelihood of the gradients weights them (θ and ν are integrated out, see Harville
+1977), and the covariance is the weighted mean. It vanishes where blocks disagree by no more than
 their independent errors. With R = A⁻¹ Σ A_b[:, xy] F_b and K = F Fᵀ it is `E[s²] R Rᵀ`.
 
 """
@@ -27,24 +27,33 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 
-GEOMETRY = 3  # x, y, yaw come first among the unknowns
-LENGTHS = (0.22, 0.45, 0.9)  # correlation lengths, of the view's mean side
-NODES = 7  # along each side of the view: what its fields are spanned by
-LEAST_MODE = 2e-2  # variance of a field's mode, of its largest, that still counts
-STRENGTHS = np.geomspace(1e-4, 1e4, 41)  # s²/ν that are tried, times the mean information on u
+# Number of unknowns of the pose (x, y, yaw), which come first among all unknowns.
+GEOMETRY = 3
+# Correlation lengths of the fields, in units of the view's mean side (chosen).
+LENGTHS = (0.22, 0.45, 0.9)
+# Nodes along each side of the view on which the modes of a field are computed (chosen).
+NODES = 7
+# Least variance of a mode that is kept, as a share of the largest mode's variance (chosen).
+LEAST_MODE = 2e-2
+# Grid of s²/ν times the mean information on u, over which the covariance is averaged (chosen).
+STRENGTHS = np.geomspace(1e-4, 1e4, 41)
 # The prior density of log s² falls with this power, since most views have no smooth error. Chosen:
 # at 0.8 the clean condition had a NEES of 1.5 instead of 3 (`gip evaluate --suite conditions
 # --frames 10`, seed 0), at 1.0 the four clean conditions have 2.0 to 4.0 (30 frames, seed 9100).
 RARITY = 1.0
-LEAST_INFORMATION = 0.02  # of the mean over the blocks: an edge says little along itself
-LEAST_REST = 0.05  # of the blocks' squared disagreement that no field explains
-LEAST_FREEDOM = 4.0  # of the blocks' disagreement, for its variance to be finite
+# Information added to each block, as a share of the mean over the blocks: an edge does not
+# constrain the displacement along itself (chosen).
+LEAST_INFORMATION = 0.02
+# Least share of the blocks' squared disagreement that remains unexplained by a field (chosen).
+LEAST_REST = 0.05
+# Least degrees of freedom of the blocks' disagreement; above 2 its variance is finite (chosen).
+LEAST_FREEDOM = 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class BlockSums:
     """
-    A least-squares problem by blocks of road.
+    A least-squares problem, split into blocks of road.
 
     Attributes
     ----------
@@ -53,7 +62,7 @@ class BlockSums:
     pulls : (blocks, p) float64
         g_b at the estimate.
     whole : (p, p) float64
-        Sum of A_b, and the prior.
+        Sum of A_b and of the prior.
     prior : (p,) float64
         Information of the prior on each unknown, for residuals of unit variance.
 
@@ -102,7 +111,7 @@ class SmoothErrors:
 
 
 class _Whitened:
-    """The blocks' gradients, each in axes in which its independent error has variance ν."""
+    """The blocks' gradients, transformed so that each independent error has variance ν."""
 
     def __init__(self, sums: BlockSums) -> None:
         parts = sums.parts[:, :2, :2]
@@ -176,6 +185,6 @@ def _displacements(modes: Floats, levers: Floats) -> Floats:
 
 
 def _pulled(parts: Floats, fields: Floats) -> Floats:
-    """Return the gradient (p, k) that unit fields make."""
+    """Return the gradient (p, k) caused by unit fields."""
     columns = parts[:, :2, :].reshape(-1, parts.shape[2])
     return np.asarray(columns.T @ fields.reshape(len(columns), -1))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The stages of the refinement: which cells it looks at, coarse to fine."""
+"""The stages of the refinement: the cells that each stage uses, coarse to fine."""
 
 from __future__ import annotations
 
@@ -17,19 +17,28 @@ from gip_localizer.core.match.downsampling import downsampled_view
 from gip_localizer.core.refine.blocks import Blocks, whole_blocks
 from gip_localizer.core.refine.edge_noise import PixelSteps
 
-STAGES = ((4, 6), (2, 6), (1, 12))  # cells averaged per side, and the most steps
-PLAIN_STEPS = 2  # of the first stage, before outliers are told from misalignment
-LEAST_SCALE_SQ = 0.5  # residuals this small against the noise model are never outliers
-BLOCK_SIDES = (1.0, 0.5)  # m ahead, m left: residuals count as correlated within such blocks
-LEAST_BLOCKS = 10  # along each axis, ...
-ENOUGH_BLOCKS = 7  # ... unless there are so many of the larger ones
-PATTERN_SIDE = 1.0  # m: larger blocks, which agree with the map or do not
-LEAST_CELLS = 200  # averaged cells that a stage must have
+# Per stage: cells averaged per side, largest number of steps (chosen).
+STAGES = ((4, 6), (2, 6), (1, 12))
+# Steps of the first stage without outlier rejection, while misalignment dominates (chosen).
+PLAIN_STEPS = 2
+# Least variance of the residuals, in units of the noise model's, for outlier rejection (chosen).
+LEAST_SCALE_SQ = 0.5
+# Sides (m ahead, m left) of the blocks within which residuals count as correlated (chosen).
+BLOCK_SIDES = (1.0, 0.5)
+# Least number of blocks along each axis; in small views the blocks are made smaller (chosen).
+LEAST_BLOCKS = 10
+# Number of larger blocks along each axis from which only the larger blocks are used (chosen).
+ENOUGH_BLOCKS = 7
+# Side (m) of the larger blocks, whose agreement with the map is judged as a whole (chosen).
+PATTERN_SIDE = 1.0
+# Least number of averaged cells of a stage; a stage with fewer is skipped (chosen).
+LEAST_CELLS = 200
+# Number of functions in the optical basis: u, v, u², u v, v².
 OPTICAL_TERMS = 5
 
 
 def make_stages(rectifier: Rectifier) -> list[Stage]:
-    """Return the stages that the view has cells for; the last looks at all of them."""
+    """Return the stages for which the view has enough cells; the last one uses all cells."""
     cells = int(np.count_nonzero(rectifier.valid))
     return [
         Stage(rectifier, factor, steps) for factor, steps in STAGES
@@ -73,19 +82,19 @@ class Stage:
         return np.asarray(sums[:, :2] / sums[:, 2:])
 
     def on_grid(self, values: Floats) -> Floats:
-        """Return values (n,) where their cells lie, (rows, cols) float32; 0 elsewhere."""
+        """Return values (n,) on the grid (rows, cols) float32; 0 in cells without a value."""
         grid = np.zeros(self._shape, np.float32)
         grid.reshape(-1)[self.index] = values
         return grid
 
     def of_grid(self, grid: Floats) -> Floats:
-        """Return what a grid of the same road, in cells of any size, holds at the cells (n,)."""
+        """Return the values at the cells (n,) of a grid of the same road with any cell size."""
         rows, cols = self._shape
         fitted = cv2.resize(grid, (cols, rows), interpolation=cv2.INTER_LINEAR)
         return np.asarray(fitted).reshape(-1)[self.index]
 
     def blurred(self, values: Floats) -> Floats:
-        """Return values (n,) behind the pixel blur."""
+        """Return values (n,) after the pixel blur."""
         return values if self.blur is None else np.asarray(self.blur @ values)
 
 
