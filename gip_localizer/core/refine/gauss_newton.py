@@ -183,7 +183,8 @@ class GaussNewton:
         assert self._columns is not None
         _, (ahead, left, *_), _ = self._columns
         information = weights * (ahead**2 + left**2)
-        return float(told @ (weights * residual**2)) / max(float(told.sum()), 1e-20)
+        summed = float(information.sum())
+        return float(information @ (weights * residual**2)) / max(summed, 1e-20)
 
     def _without_edges(self, weights: Floats, residual: Floats, gain: float) -> Floats:
         """Weights reduced by the noise at edges, which is estimated once."""
