@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-What can be the matter, once: the statuses of `/diagnostics`, their rules and their figures.
+The statuses of `/diagnostics`, their rules and their figures, defined once.
 
-From here come the node's messages (`gip_localizer.session.diagnostics`) and the README's table.
+The node's messages (`session.diagnostics`) and `docs/diagnostics.md` are made from them.
 
 """
 
@@ -26,7 +26,7 @@ class Severity(IntEnum):
 @dataclass(frozen=True)
 class Rule:
     """
-    One thing that can be the matter.
+    One condition that is reported.
 
     Attributes
     ----------
@@ -71,65 +71,68 @@ class DiagnosticGroup:
 W, E = Severity.WARN, Severity.ERROR
 
 CAMERA = DiagnosticGroup('camera', (
-    Rule('NO_IMAGE_YET', W, 'no image has come since the start'),
+    Rule('NO_IMAGE_YET', W, 'no image has been received since the start'),
     Rule('CLOCK_STOPPED', W, 'use_sim_time is set, and /clock has not moved for '
          'diagnostics.camera_timeout', withheld=False),
-    Rule('NO_IMAGE', E, 'no image has come for diagnostics.camera_timeout'),
+    Rule('NO_IMAGE', E, 'no image has been received for diagnostics.camera_timeout'),
     Rule(Status.BAD_IMAGE, E, 'encoding, step, size or data of the image cannot be used'),
-    Rule(Status.FROZEN_IMAGE, E, 'pixels repeat those of the frame before, while the motion says '
-         'that the vehicle moved: the camera is frozen'),
-    Rule('REPEATED_IMAGES', W, 'four frames or more with the same pixels, and nothing says that '
-         'the vehicle moved', withheld=False),
+    Rule(Status.FROZEN_IMAGE, E, 'the pixels equal those of the previous frame although the '
+         'vehicle moved: the camera is frozen'),
+    Rule('REPEATED_IMAGES', W, 'four or more frames have the same pixels, and no motion of the '
+         'vehicle is known', withheld=False),
     Rule('FEW_BITS', W, '16 bit images use only their lower 8, 10, 12 or 14 bits; they are scaled '
-         'by what is used', withheld=False),
+         'to the bits in use', withheld=False),
     Rule(Status.NO_MASK, E, 'mask.required is set, and the image has no usable mask'),
-    Rule('MASK_MISSING', W, 'mask.from_topic is set, and no mask of the stamp of the image came '
-         'within mask.timeout; without mask.required it is localized without one',
+    Rule('MASK_MISSING', W, 'mask.from_topic is set, and no mask with the stamp of the image '
+         'arrived within mask.timeout; unless mask.required, it is localized without a mask',
          withheld=False),
-    Rule('MASK_REFUSED', W, 'size, encoding or data of the mask cannot be used; the same holds',
+    Rule('MASK_REFUSED', W, 'size, encoding or data of the mask cannot be used; unless '
+         'mask.required, the image is localized without a mask',
          withheld=False),
     Rule(Status.OUT_OF_ORDER, W, 'a frame is not newer than the one before it, or over a minute '
-         'ahead of it; it is skipped, and where the next one follows it, time itself has leapt'),
+         'ahead of it; it is skipped; if the next frame continues from it, the time jump '
+         'is accepted'),
     Rule('TIME_WENT_BACK', W, 'the clock, or a stamp by over a second, went back in the last '
-         '10 s (a bag in a loop); where the next frame follows, belief and odometry begin anew',
+         '10 s (a bag in a loop); belief and odometry are reset when the next frame '
+         'continues from it',
          withheld=False),
-    Rule('FUTURE_STAMPS', W, 'a stamp lies ahead of the clock by more than '
+    Rule('FUTURE_STAMPS', W, 'a stamp is ahead of the clock by more than '
          'diagnostics.max_ahead', withheld=False),
-    Rule('LATE_FRAMES', W, 'a stamp lies behind the clock by more than diagnostics.max_delay',
+    Rule('LATE_FRAMES', W, 'a stamp is behind the clock by more than diagnostics.max_delay',
          withheld=False),
 ), {
-    'frames': ('', 'images that came'),
-    'image_age': ('s', 'since the last image came'),
-    'image_delay': ('s', 'clock minus stamp when the last image came'),
+    'frames': ('', 'images received'),
+    'image_age': ('s', 'time since the last image'),
+    'image_delay': ('s', 'clock minus stamp at the arrival of the last image'),
     'image_rate': ('1/s', 'images per second of their stamps'),
-    'images_refused': ('', 'that could not be used'),
-    'masks': ('', 'images whose mask came'),
-    'masks_refused': ('', 'images without a usable mask, where one is asked for'),
-    'images_overtaken': ('', 'that a newer image with its mask overtook'),
+    'images_refused': ('', 'images that could not be used'),
+    'masks': ('', 'images whose mask arrived'),
+    'masks_refused': ('', 'images without a usable mask, where one is required'),
+    'images_overtaken': ('', 'images dropped because a newer one had its mask first'),
 })  # fmt: skip
 
 CALIBRATION = DiagnosticGroup('calibration', (
-    Rule(Status.NO_CALIBRATION, E, 'no usable camera_info has come, or the image has another '
-         'size than it says'),
+    Rule(Status.NO_CALIBRATION, E, 'no usable camera_info has been received, or its size differs '
+         'from the size of the image'),
     Rule(Status.NO_ROAD_IN_VIEW, E, 'camera_info and camera.* see no road inside birdseye.*'),
-    Rule('NO_CAMERA_INFO_YET', W, 'no camera_info has come since the start'),
-    Rule('CAMERA_INFO_REFUSED', W, 'the last camera_info cannot be used; the one before holds',
+    Rule('NO_CAMERA_INFO_YET', W, 'no camera_info has been received since the start'),
+    Rule('CAMERA_INFO_REFUSED', W, 'the last camera_info cannot be used; the previous one is kept',
          withheld=False),
-    Rule('RECTIFIED_DIFFERS', W, 'the name of the image topic says rectified and camera.rectified '
-         'does not, or the reverse', withheld=False),
-    Rule('NO_CAMERA_TF', E, 'camera.from_tf is set, and the transform is not known'),
+    Rule('RECTIFIED_DIFFERS', W, 'the name of the image topic suggests rectified images and '
+         'camera.rectified is false, or the reverse', withheld=False),
+    Rule('NO_CAMERA_TF', E, 'camera.from_tf is set, and the transform is unknown'),
 ), {
-    'camera_infos': ('', 'messages that came'),
-    'camera_infos_refused': ('', 'that could not be used'),
+    'camera_infos': ('', 'messages received'),
+    'camera_infos_refused': ('', 'messages that could not be used'),
 })  # fmt: skip
 
 MAP = DiagnosticGroup('map', (
-    Rule(Status.OFF_MAP, E, 'no place that was looked at lies on the map'),
+    Rule(Status.OFF_MAP, E, 'no place in the search window lies on the map'),
     Rule(Status.LOW_OVERLAP, E, 'less than score.min_overlap of the view lies on known map cells'),
 ), {
     'map_cells': ('', 'columns x rows'),
     'map_resolution': ('m', 'side of a cell'),
-    'map_hash': ('', 'of the picture, its resolution and origin'),
+    'map_hash': ('', 'hash of the picture, its resolution and origin'),
 })  # fmt: skip
 
 PRIOR = DiagnosticGroup('prior', (
@@ -137,29 +140,30 @@ PRIOR = DiagnosticGroup('prior', (
     Rule('INITIALPOSE_REFUSED', W, 'the last initialpose is of another frame, not finite or off '
          'the map (until a usable one comes, for 10 s at least); the belief stays',
          withheld=False),
-    Rule('STATE_REFUSED', W, 'state_file is of another map, too old or damaged (told for 10 s)',
+    Rule('STATE_REFUSED', W, 'state_file is of another map, too old or damaged (reported for '
+         '10 s)',
          withheld=False),
 ), {
-    'prediction': ('', 'what moved the last pose to this frame'),
-    'initialposes': ('', 'messages that came'),
-    'initialposes_refused': ('', 'that could not be used'),
+    'prediction': ('', 'source of the motion from the last pose to this frame'),
+    'initialposes': ('', 'messages received'),
+    'initialposes_refused': ('', 'messages that could not be used'),
 })  # fmt: skip
 
 ODOMETRY = DiagnosticGroup('odometry', (
-    Rule('ODOMETRY_REFUSED', W, 'it jumps, repeats a stamp, goes back or leaps in time, holds NaN '
-         'or is of another frame than frames.odom and frames.base (told for 10 s)',
+    Rule('ODOMETRY_REFUSED', W, 'a message jumps, repeats a stamp, goes back or jumps in time, '
+         'holds NaN, or is not of frames.odom and frames.base (reported for 10 s)',
          withheld=False),
-    Rule('ODOMETRY_OFF_TIME', W, 'none is stamped within motion.max_gap of the image; the last '
-         'velocity is held', withheld=False),
-    Rule('ODOMETRY_CONTRADICTED', W, 'the matches moved otherwise than odometry tells (it stands '
-         'still, is of another vehicle or in other units); the velocity of the matches is held '
+    Rule('ODOMETRY_OFF_TIME', W, 'no message is stamped within motion.max_gap of the image; the '
+         'last velocity is used', withheld=False),
+    Rule('ODOMETRY_CONTRADICTED', W, 'odometry disagrees with the motion of the matches (it is '
+         'stopped, of another vehicle or in other units); the velocity of the matches is used '
          'until both agree again', withheld=False),
-    Rule('ODOMETRY_STALE', W, 'none has come for diagnostics.odometry_timeout; the last velocity '
-         'is held', withheld=False),
+    Rule('ODOMETRY_STALE', W, 'no message for diagnostics.odometry_timeout; the last velocity '
+         'is used', withheld=False),
 ), {
-    'odometries': ('', 'messages that came'),
-    'odometries_refused': ('', 'that could not be used'),
-    'odometry_age': ('s', 'since the last one came'),
+    'odometries': ('', 'messages received'),
+    'odometries_refused': ('', 'messages that could not be used'),
+    'odometry_age': ('s', 'time since the last message'),
 })  # fmt: skip
 
 MATCH = DiagnosticGroup('match', (
@@ -170,38 +174,38 @@ MATCH = DiagnosticGroup('match', (
     Rule(Status.AMBIGUOUS, E, 'another place explains the view nearly as well: below '
          'integrity.min_confidence because of it'),
     Rule(Status.UNCERTAIN, E, 'the covariance exceeds integrity.max_sigma_xy or max_sigma_yaw'),
-    Rule(Status.CONFIRMING, W, 'a pose found anew waits for recovery.confirm_frames'),
+    Rule(Status.CONFIRMING, W, 'a pose found on the whole map waits for recovery.confirm_frames'),
     Rule(Status.LOST, E, 'integrity.lost_after frames in a row without a fix'),
-    Rule(Status.FAULT, E, 'the frame raised an error that nobody foresaw; its traceback is in the '
-         'log'),
-    Rule('SEARCHING', W, 'the whole map is searched for a frame, and the frames meanwhile wait'),
+    Rule(Status.FAULT, E, 'unexpected exception while processing the frame; its traceback is in '
+         'the log'),
+    Rule('SEARCHING', W, 'the whole map is searched for a frame; newer frames wait'),
     Rule('SLOW', W, 'the median execution time exceeds the time between images',
          withheld=False),
 ), {
     'confidence': ('', 'probability that the match is at the right place'),
-    'margin': ('', 'how far the match is ahead of the best one at another place'),
+    'margin': ('', 'fit score of the match, less the share that the best other place reaches'),
     'competitor': ('', 'likeness of the best match at another place; 1 is equal'),
     'significance': ('', 'lattice_correlation in standard deviations of chance correlation'),
-    'correlation': ('', 'of view and map under the Gramian, at the match'),
+    'correlation': ('', 'correlation of view and map under the Gramian, at the match'),
     'lattice_correlation': ('', 'the same before refinement, camera at rest'),
     'contrast': ('', 'weighted standard deviation of the view, grey levels of [0, 1]'),
     'overlap': ('', 'share of the view on known map cells'),
     'agreement': ('', 'share of the road that agrees with the map'),
     'inliers': ('', 'share of the cells that agree with the map'),
-    'overdispersion': ('', 'residual beyond what noise explains; 1 is none'),
-    'chi_sq': ('', 'mean weighted residual over its expected noise; honest is 1'),
+    'overdispersion': ('', 'standard deviation of residuals over that of the noise model; 1: equal'),
+    'chi_sq': ('', 'mean weighted squared residual over its expectation; 1: equal'),
     'winner_mass': ('', 'share of the posterior in the winning mode'),
     'second_ratio': ('', 'least residual elsewhere in the window over that of the best match'),
-    'entropy': ('nat', 'of the posterior over the window'),
+    'entropy': ('nat', 'entropy of the posterior over the window'),
     'sigma_ahead_m': ('m', 'standard deviation of the match along the vehicle'),
-    'sigma_left_m': ('m', 'across it'),
-    'sigma_yaw_rad': ('rad', 'in heading'),
+    'sigma_left_m': ('m', 'standard deviation across the vehicle'),
+    'sigma_yaw_rad': ('rad', 'standard deviation of the heading'),
     'sigma_cells': ('', 'standard deviation of the position in cells'),
-    'suspension': ('', 'motion of the camera beside its calibration, in standard deviations'),
+    'suspension': ('', 'motion of the camera from its calibrated pose, in standard deviations'),
     'gain': ('', 'contrast of the image over that of the map'),
-    'pitch_rad': ('rad', 'pitch of the camera beside its calibration'),
-    'roll_rad': ('rad', 'roll beside its calibration'),
-    'height_m': ('m', 'height beside its calibration'),
+    'pitch_rad': ('rad', 'pitch of the camera relative to its calibration'),
+    'roll_rad': ('rad', 'roll relative to its calibration'),
+    'height_m': ('m', 'height relative to its calibration'),
     'execution_time_p50_ms': ('ms', 'median over 100 frames'),
     'execution_time_p95_ms': ('ms', '95th percentile'),
     'calibrate_ms': ('ms', 'precomputing for a new calibration or view, last frame'),
@@ -212,20 +216,20 @@ MATCH = DiagnosticGroup('match', (
 })  # fmt: skip
 
 OUTPUT = DiagnosticGroup('output', (
-    Rule('DISABLED', W, 'by the service ~/enable, or the node is not active'),
+    Rule('DISABLED', W, 'images are ignored: switched off by ~/enable, or the node is not active'),
     Rule('WAITING', W, 'no frame has been localized yet'),
-    Rule('WITHHELD', E, 'the last frame gave no pose; the message names the status that tells '
-         'why'),
+    Rule('WITHHELD', E, 'the last frame gave no pose; the message names the status with '
+         'the reason'),
     Rule('NO_TF', W, 'tf.publish is set, and there was no odometry at the image, or no pose for '
          'tf.hold; poses are published', withheld=False),
     Rule('TF_CONTESTED', W, 'another node publishes the transform from frames.map to frames.odom '
-         '(said for 10 s)', withheld=False),
+         '(reported for 10 s)', withheld=False),
     Rule('DUPLICATE_NAME', W, 'another node has the same name: parameters and services reach '
          'either', withheld=False),
 ), {
-    'published': ('', 'poses that went out'),
+    'published': ('', 'published poses'),
     'availability': ('', 'share of the frames that gave a pose'),
-    'pose_age': ('s', 'since the last pose went out'),
+    'pose_age': ('s', 'time since the last published pose'),
 })  # fmt: skip
 
 DIAGNOSTIC_GROUPS = (CAMERA, CALIBRATION, MAP, PRIOR, ODOMETRY, MATCH, OUTPUT)
