@@ -192,7 +192,7 @@ MATCH = DiagnosticGroup('match', (
     'overlap': ('', 'share of the view on known map cells'),
     'agreement': ('', 'share of the road that agrees with the map'),
     'inliers': ('', 'share of the cells that agree with the map'),
-    'overdispersion': ('', 'standard deviation of residuals over that of the noise model; 1: equal'),
+    'overdispersion': ('', 'standard deviation of residuals over that of the noise; 1: equal'),
     'chi_sq': ('', 'mean weighted squared residual over its expectation; 1: equal'),
     'winner_mass': ('', 'share of the posterior in the winning mode'),
     'second_ratio': ('', 'least residual elsewhere in the window over that of the best match'),
