@@ -26,3 +26,8 @@ settings.load_profile('gip')
 def road() -> Road:
     """A road of 40 x 30 m whose map lies turned and shifted in the map frame."""
     return Road()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the demo, which mostly waits: at the end one worker would wait for it alone."""
+    items.sort(key=lambda item: 'test_cli_demo' not in item.nodeid)
