@@ -5,11 +5,11 @@ One linearised weighted least-squares problem: its step, its covariance, its qua
 
 With residual r, weights W (Gramian times robust weights), map slopes J and pixel blur S, the
 estimating equation is `Jᵀ W r = 0` and its slope `Jᵀ W S J`. For white pixel noise that is maximum
-likelihood. Where a cell errs with the map and not with the pixels, instruments Z stand in for J:
-`Zᵀ W r = 0`, with slope `Zᵀ W S J`. Z are the slopes of a blurred map, since between the centres
-of its cells a map tells where an edge is on the whole, but not its shape, and what a sharp slope
-makes of the shape draws all edges along the map's rows the same way. The covariance is told from
-how far each block of road moves the pose, which holds whatever the residuals are.
+likelihood. Where the error of a cell comes from the map and not from the pixels, instruments Z
+replace J: `Zᵀ W r = 0`, with slope `Zᵀ W S J`. Z are the slopes of a blurred map. Between the
+centres of its cells a map contains the position of an edge but not its shape, and sharp slopes
+would shift all edges along the map's rows in the same direction. The covariance is estimated from
+the influence of each block of road on the pose, which is valid for any noise of the residuals.
 
 """
 

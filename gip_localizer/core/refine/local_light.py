@@ -3,8 +3,8 @@
 """
 Light that differs from place to place: edges of shadows, head lights, flicker, fog.
 
-Brightness and contrast are learnt from the view itself, as the same over a few cells each. What
-is broader than that in the map tells nothing any more; the pattern does.
+Brightness and contrast are estimated from the view itself, each as constant over a few cells. The
+light model absorbs coarser map structure; only finer structure constrains the pose.
 
 """
 
@@ -66,10 +66,10 @@ class LightOnCells:
 
 def find_light(stage: Stage, values: Floats, grey: Floats, known: Floats) -> Light:
     """
-    Find the light of a view.
+    Estimate the light of a view.
 
-    All cells count alike: with the Gramian's weights, which fall with the distance, the light
-    of a place would be that of a nearer one.
+    All cells have equal weight: the Gramian's weights decrease with the distance and would shift
+    the estimated light towards that of nearer cells.
 
     Parameters
     ----------

@@ -188,9 +188,9 @@ def _recognised(problem: LeastSquaresProblem) -> float:
     """
     Share of the road that agrees, relative to the share expected with noise alone; at most 1.
 
-    What is not on the map is not told from the road to the last cell: the more of the view it
-    hides, the more of it is taken for road. Errors behind cars are 1.3 times what the cells that
-    agree tell, which this share explains; where all of the road agrees it changes nothing.
+    Occluders are never rejected completely: the larger the occluded share, the more occluded
+    cells are used as road. With cars in the view the errors are 1.3 times those estimated from
+    the cells that agree; this share corrects for it. Where all of the road agrees it is 1.
 
     """
     return min(max(problem.inliers(), LEAST_INLIERS) / EXPECTED_INLIERS, 1.0)

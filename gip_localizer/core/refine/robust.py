@@ -38,12 +38,12 @@ def agreeing(
     """
     Mark the cells, (n,) float32 0 or 1, in blocks of road whose pattern agrees with the map.
 
-    The second value is the share of the weight, among the blocks whose pattern stands out of
-    the noise, that is in such blocks: 0 where no block's does.
+    The second value is the share of the weight in these blocks, among all blocks whose pattern
+    exceeds the noise; 0 where no pattern exceeds it.
 
-    Within a block brightness and contrast do not matter, so that cars, glare and patches show
-    before the exposure is known. A block is kept if its correlation is at least half of what
-    the noise lets expect; without a gain, half of what the better blocks reach.
+    Brightness and contrast of a block have no influence, so that cars, glare and patches are
+    detected before the exposure is known. A block is kept if its correlation is at least half of
+    the correlation expected with the noise; without a gain, half of that of the better blocks.
 
     """
     columns = np.ones((3, len(values)), np.float32)
