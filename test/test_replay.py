@@ -88,6 +88,11 @@ def test_the_window_is_seconds_after_the_first_message(drive, whole, tmp_path):
     metrics = replayed(drive, drive, tmp_path / 'out', '--start', '0.5', '--duration', '0.5',
                        '--initial-pose', 'truth')
     assert metrics['frames'] == 5
+    parameters, truth = metrics['config']['parameters'], read_tum(whole[0] / 'ground_truth.tum')
+    [start] = truth.at(read_tum(whole[0] / 'estimate.tum').stamps_ns[[5]])
+    assert [parameters[f'initial_pose.{name}'] for name in ('x', 'y', 'yaw')] == pytest.approx(
+        start, abs=1e-9)
+    assert metrics['published'] == 5
 
 
 def test_a_window_after_the_only_camera_info_is_calibrated(drive, messages, tmp_path):

@@ -17,8 +17,8 @@ from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.trajectory import read_tum
 from gip_localizer.parameters import load_parameter_file, Parameters
 
-FILES = ('metrics.json', 'report.html', 'estimate.tum', 'ground_truth.tum', 'params.yaml',
-         'published.mcap')
+FILES = ('metrics.json', 'report.html', 'frames.csv', 'estimate.tum', 'ground_truth.tum',
+         'params.yaml', 'published.mcap')
 
 
 def names(folder: Path) -> set[str]:

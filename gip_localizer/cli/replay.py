@@ -14,6 +14,7 @@ from gip_localizer.parameters.yaml_files import user_path
 
 if TYPE_CHECKING:
     from gip_localizer.core.estimate import Estimate
+    from gip_localizer.core.pose import Pose2
     from gip_localizer.evaluation.replay import Replay
     from gip_localizer.io.bags.bag import Bag
     from gip_localizer.io.bags.topics import Topics
@@ -48,7 +49,8 @@ def add_parser(verbs: Any) -> None:
                       help='one parameter; repeatable, e.g. --set search.x=1.0')
     tune.add_argument('--metric', help='short for --set score.metric=METRIC')
     tune.add_argument('--initial-pose', metavar='X,Y,YAW',
-                      help='metres and radians in the map frame, or the word truth')
+                      help='metres and radians in the map frame, or the word truth: the ground '
+                           'truth at the first image that is replayed')
     topics = parser.add_argument_group('topics', 'found by type if it is unique')
     topics.add_argument('--image-topic', metavar='TOPIC')
     topics.add_argument('--camera-info-topic', metavar='TOPIC')
@@ -80,7 +82,8 @@ def run(args: argparse.Namespace) -> int:
         args.params = file_next_to(args.bag, 'params.yaml')
     window = BagWindow(args.start, args.duration)
     bag, topics, truth, notes = _open(args)
-    parameters, said = mounted(bag, topics, _parameters(args, truth))
+    start = _start(args, bag, topics, truth)
+    parameters, said = mounted(bag, topics, _parameters(args, start))
     notes += [*said, *unused_at_the_desk(parameters)]
     replay = Replay(bag, topics, load_map(parameters.map_file), parameters, truth)
     with ctrl_c(interrupts=True):
@@ -131,17 +134,33 @@ def _base_parameters(args: argparse.Namespace) -> Parameters:
     return recorded_parameters(args, masked)
 
 
-def _parameters(args: argparse.Namespace, truth: Trajectory | None) -> Parameters:
+def _start(
+    args: argparse.Namespace, bag: Bag, topics: Topics, truth: Trajectory | None
+) -> Pose2 | None:
+    """Return the pose of --initial-pose; None if it is not given."""
+    from gip_localizer.errors import ParameterError
+    from gip_localizer.io.bags.truth import truth_at_first_image
+    from gip_localizer.io.bags.window import BagWindow
+
+    if args.initial_pose is None:
+        return None
+    if args.initial_pose != 'truth':
+        return _pose_of(args.initial_pose)
+    if truth is None:
+        raise ParameterError('--initial-pose truth: there is no ground truth to start from')
+    return truth_at_first_image(bag, topics, truth, BagWindow(args.start, args.duration))
+
+
+def _parameters(args: argparse.Namespace, start: Pose2 | None) -> Parameters:
     from gip_localizer.cli.settings import file_next_to
     from gip_localizer.errors import ParameterError
 
     changes: dict[str, object] = {}
     if args.metric:
         changes['score.metric'] = args.metric
-    if args.initial_pose is not None:
-        x, y, yaw = _initial_pose(args.initial_pose, truth)
-        changes |= {'initial_pose.set': True, 'initial_pose.x': x, 'initial_pose.y': y,
-                    'initial_pose.yaw': yaw}
+    if start is not None:
+        changes |= {'initial_pose.set': True, 'initial_pose.x': start.x,
+                    'initial_pose.y': start.y, 'initial_pose.yaw': start.yaw}
     parameters = _base_parameters(args).replace(changes)
     raster = args.map or parameters.map_file or file_next_to(args.bag, 'map.yaml')
     if not raster:
@@ -149,21 +168,17 @@ def _parameters(args: argparse.Namespace, truth: Trajectory | None) -> Parameter
     return parameters.replace({'map_file': str(raster)})
 
 
-def _initial_pose(text: str, truth: Trajectory | None) -> tuple[float, float, float]:
+def _pose_of(text: str) -> Pose2:
+    from gip_localizer.core.pose import Pose2
     from gip_localizer.errors import ParameterError
 
-    if text == 'truth':
-        if truth is None:
-            raise ParameterError('--initial-pose truth: there is no ground truth to start from')
-        x, y, yaw = (float(value) for value in truth.poses[0])
-        return x, y, yaw
     try:
         x, y, yaw = (float(word) for word in text.split(','))
     except ValueError:
         raise ParameterError(
             f'--initial-pose {text}: expected X,Y,YAW in metres and radians, e.g. 1.5,-2,0.1'
         ) from None
-    return x, y, yaw
+    return Pose2(x, y, yaw)
 
 
 def _sources(args: argparse.Namespace, topics: Topics) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gip_localizer.evaluation.camera_motion import corrections, mean_camera_motion
 from gip_localizer.evaluation.error_table import ELLIPSE_95, ErrorTable, tabulate_errors
 from gip_localizer.evaluation.run import FrameResult, Run
 
@@ -45,7 +46,8 @@ def compute_metrics(run: Run) -> Metrics:
     -------
     dict
         The keys of `metrics.json`: counts, errors in metres and degrees, NEES, latencies in
-        milliseconds, `config`. Unknown metrics are None.
+        milliseconds, means of the camera's motion and what they correct, `config`. Unknown
+        metrics are None.
 
     """
     table = tabulate_errors(run.estimates, run.truth)
@@ -54,6 +56,8 @@ def compute_metrics(run: Run) -> Metrics:
         **_counts(table, run.estimates),
         **_errors(table),
         **_consistency(table),
+        'camera_motion': mean_camera_motion(run.estimates),
+        'corrections': corrections(run.estimates, run.parameters),
         **_speed(run),
         'config': {**run.sources, 'parameters': run.parameters.to_dict()},
     }
@@ -129,9 +133,17 @@ def _speed(run: Run) -> Metrics:
 
 
 def latencies_ms(estimates: Sequence[FrameResult]) -> Floats:
-    """Return the latency of each frame with timings: `total`, or the sum of its stages, ms."""
-    timed = [estimate.timings_ms for estimate in estimates if estimate.timings_ms]
-    return np.array([t['total'] if 'total' in t else sum(t.values()) for t in timed], np.float64)
+    """Return the latency of each frame with timings, ms."""
+    known = [latency_ms(estimate) for estimate in estimates]
+    return np.array([value for value in known if value is not None], np.float64)
+
+
+def latency_ms(estimate: FrameResult) -> float | None:
+    """Return `total` of the timings of a frame, or the sum of its stages, ms; None: untimed."""
+    timings = estimate.timings_ms
+    if not timings:
+        return None
+    return timings['total'] if 'total' in timings else sum(timings.values())
 
 
 def _spread(values: Floats) -> dict[str, float | None]:
@@ -165,6 +177,10 @@ TABLE = (
     ('wrong_published', 'wrong poses published', '', 1.0, '.0f'),
     ('nees_mean', 'NEES, mean (consistent: 3)', '', 1.0, '.2f'),
     ('coverage_95', 'truth inside the 95 % ellipse', '%', 100.0, '.1f'),
+    ('camera_motion.pitch_deg', 'pitch from calibration, mean', 'deg', 1.0, '+.3f'),
+    ('camera_motion.roll_deg', 'roll from calibration, mean', 'deg', 1.0, '+.3f'),
+    ('camera_motion.height_m', 'height from calibration, mean', 'mm', 1e3, '+.1f'),
+    ('camera_motion.gain', 'gain of the image, mean', '', 1.0, '.3f'),
     ('latency_ms.p50', 'latency, median', 'ms', 1.0, '.1f'),
     ('latency_ms.p95', 'latency, 95th percentile', 'ms', 1.0, '.1f'),
     ('latency_ms.p99', 'latency, 99th percentile', 'ms', 1.0, '.1f'),

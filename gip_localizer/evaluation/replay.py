@@ -23,6 +23,7 @@ from gip_localizer.core.arrays import Grey
 from gip_localizer.core.estimate import Estimate
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.errors import BagError, ImageError
+from gip_localizer.evaluation.camera_motion import correction_notes
 from gip_localizer.evaluation.run import Run
 from gip_localizer.evaluation.worst_frames import WorstFrames
 from gip_localizer.io.bags.bag import Bag
@@ -159,7 +160,8 @@ class Replay:
             raster_map=self.raster_map, exhibits=self._worst.exhibits(),
             wall_seconds=self._seconds, complete=self._complete, sources=sources,
             notes=[*notes, *self._notes, *self.bag.notes, *self._unusable(),
-                   *self._truth_elsewhere(), *self._withheld()],
+                   *self._truth_elsewhere(), *self._withheld(),
+                   *correction_notes(self.estimates, self.parameters)],
         )
 
     def _role(self, raw: BagMessage) -> str:

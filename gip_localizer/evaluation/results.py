@@ -11,6 +11,7 @@ import numpy as np
 
 from gip_localizer.errors import OutputError
 from gip_localizer.evaluation.error_table import tabulate_errors
+from gip_localizer.evaluation.frame_table import frame_table
 from gip_localizer.evaluation.metrics import compute_metrics, Metrics
 from gip_localizer.evaluation.published_bag import write_published
 from gip_localizer.evaluation.report import render_report
@@ -70,7 +71,9 @@ def _fill(folder: Path, run: Run, metrics: Metrics) -> None:
     (folder / METRICS_FILE).write_text(text + '\n', encoding='utf-8')
     (folder / 'params.yaml').write_text(dump_parameter_file(run.parameters), encoding='utf-8')
     write_published(folder / 'published.mcap', run)
-    page = render_report(run, metrics, tabulate_errors(run.estimates, run.truth))
+    table = tabulate_errors(run.estimates, run.truth)
+    (folder / 'frames.csv').write_text(frame_table(run, table), encoding='utf-8')
+    page = render_report(run, metrics, table)
     (folder / 'report.html').write_text(page, encoding='utf-8')
 
 

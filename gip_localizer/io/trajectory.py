@@ -130,7 +130,7 @@ class Trajectory:
 def write_tum(path: Path | str, trajectory: Trajectory) -> None:
     """Write a TUM file (evo reads it); raise OutputError when the disk refuses."""
     lines = [
-        f'{_seconds(int(stamp))} {x:.12f} {y:.12f} 0 0 0 '
+        f'{stamp_text(int(stamp))} {x:.12f} {y:.12f} 0 0 0 '
         f'{math.sin(yaw / 2.0):.17g} {math.cos(yaw / 2.0):.17g}\n'
         for stamp, (x, y, yaw) in zip(trajectory.stamps_ns, trajectory.poses, strict=True)
     ]
@@ -166,7 +166,7 @@ def read_tum(path: Path | str) -> Trajectory:
         stamp, pose = _parse(line, where)
         if stamps and stamp <= stamps[-1]:
             raise TrajectoryError(
-                f'{where}: stamp {_seconds(stamp)} is not after {_seconds(stamps[-1])}; '
+                f'{where}: stamp {stamp_text(stamp)} is not after {stamp_text(stamps[-1])}; '
                 'sort the file by time and drop repeated lines'
             )
         stamps.append(stamp)
@@ -176,7 +176,8 @@ def read_tum(path: Path | str) -> Trajectory:
     return Trajectory(np.array(stamps, np.int64), np.array(poses, np.float64))
 
 
-def _seconds(stamp_ns: int) -> str:
+def stamp_text(stamp_ns: int) -> str:
+    """Return a stamp as seconds with nine decimals, exactly."""
     sign = '-' if stamp_ns < 0 else ''
     whole, rest = divmod(abs(stamp_ns), 1_000_000_000)
     return f'{sign}{whole}.{rest:09d}'

@@ -1,13 +1,24 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The ground truth that a bag holds."""
+"""The ground truth that a bag holds, and the pose where a replay begins."""
 
 from __future__ import annotations
 
+import numpy as np
+
+from gip_localizer.core.pose import Pose2
+from gip_localizer.errors import TrajectoryError
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.topics import Topics, TRUTH
+from gip_localizer.io.bags.window import BagWindow
 from gip_localizer.io.messages import planar_pose, PoseMessageError, stamp_ns
-from gip_localizer.io.trajectory import roll_and_pitch, STEEPEST, Trajectory
+from gip_localizer.io.trajectory import (
+    MAX_GAP_NS,
+    roll_and_pitch,
+    stamp_text,
+    STEEPEST,
+    Trajectory,
+)
 
 
 def read_truth(bag: Bag, topics: Topics, map_frame: str) -> tuple[Trajectory | None, list[str]]:
@@ -55,3 +66,42 @@ def read_truth(bag: Bag, topics: Topics, map_frame: str) -> tuple[Trajectory | N
     if refused:
         notes.append(f'ground truth {name}: {refused} messages hold no usable pose')
     return (Trajectory.from_samples(samples) if samples else None), notes
+
+
+def truth_at_first_image(
+    bag: Bag, topics: Topics, truth: Trajectory, window: BagWindow
+) -> Pose2:
+    """
+    Return the true pose at the first image of the part of the bag that is replayed.
+
+    Raises
+    ------
+    TrajectoryError
+        The truth does not cover that image, or there is none.
+
+    """
+    messages = bag.messages([topics.image.name], *window.log_times(bag))
+    stamp = next((stamp_ns(image.header) for image in map(bag.decode, messages)
+                  if image is not None), None)
+    if stamp is None:
+        raise TrajectoryError(
+            f'no image of {topics.image.name} can be read in the selected part of the bag; see '
+            '--start and --duration'
+        )
+    x, y, yaw = (float(value) for value in truth.at(np.array([stamp]))[0])
+    if np.isfinite([x, y, yaw]).all():
+        return Pose2(x, y, yaw)
+    raise TrajectoryError(_uncovered(stamp, truth, window))
+
+
+def _uncovered(stamp: int, truth: Trajectory, window: BagWindow) -> str:
+    first, last = int(truth.stamps_ns[0]), int(truth.stamps_ns[-1])
+    remedy = 'give --initial-pose X,Y,YAW'
+    if stamp < first:
+        later = window.start_s + (first - stamp) * 1e-9
+        remedy = f'begin later (--start {later:.3f}), or {remedy}'
+    return (
+        f'--initial-pose truth: the first image is of {stamp_text(stamp)} s, and the ground truth '
+        f'covers {stamp_text(first)} to {stamp_text(last)} s (gaps above {MAX_GAP_NS * 1e-9:g} s '
+        f'are not interpolated); {remedy}'
+    )
