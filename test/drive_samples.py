@@ -47,10 +47,10 @@ def beside(drive: Path) -> list[str]:
     return ['--map', str(drive / 'map.yaml'), '--params', str(drive / 'params.yaml')]
 
 
-def replayed(bag: Path, drive: Path, out: Path, *options: str) -> dict:
+def replayed(bag: Path, drive: Path, out: Path, *options: str, expected: int = 0) -> dict:
     """Replay through the command line; return `metrics.json`."""
     code = main(['replay', str(bag), *beside(drive), *COARSE, '--out', str(out), *options])
-    assert code == 0
+    assert code == expected
     return json.loads((out / 'metrics.json').read_text())
 
 

@@ -98,7 +98,8 @@ def test_the_window_is_seconds_after_the_first_message(drive, whole, tmp_path):
 def test_a_window_after_the_only_camera_info_is_calibrated(drive, messages, tmp_path):
     first = next(m for m in messages if m[0] == INFO)
     bag = rewritten(tmp_path / 'a.mcap', [first, *(m for m in messages if m[0] != INFO)])
-    metrics = replayed(bag, drive, tmp_path / 'out', '--start', '1.0', '--duration', '0.3')
+    metrics = replayed(bag, drive, tmp_path / 'out', '--start', '1.0', '--duration', '0.3',
+                       '--initial-pose', 'truth')
     assert metrics['frames'] == 3
     assert 'NO_CALIBRATION' not in metrics['statuses']
 
@@ -115,9 +116,12 @@ def test_a_camera_info_after_the_images_is_taken_for_all(drive, messages, tmp_pa
 def test_why_frames_gave_no_pose_is_said(drive, tmp_path, capsys):
     params = tmp_path / 'params.yaml'
     params.write_text((drive / 'params.yaml').read_text().replace('set: true', 'set: false'))
-    replayed(drive, drive, tmp_path / 'out', '--duration', '0.5', '--params', str(params))
+    replayed(drive, drive, tmp_path / 'out', '--duration', '0.5', '--params', str(params),
+             expected=1)
     error = capsys.readouterr().err
     assert 'gip: no pose, NO_PRIOR in 5 of 5 frames, first: no prior yet' in error
+    assert 'no frame gave a pose (NO_PRIOR in 5 of 5 frames): give a start with --' in error
+    assert '~/relocalize' not in error
     assert 'no pose, NO_PRIOR in 5 of 5' in (tmp_path / 'out' / 'report.html').read_text()
 
 
@@ -216,7 +220,7 @@ def test_a_map_of_another_place_gives_no_fix(drive, tmp_path, kind):
     code = main(['replay', str(drive), '--params', str(drive / 'params.yaml'), *COARSE, '--map',
                  str(tmp_path / 'map.yaml'), '--out', str(tmp_path / 'out'), '--duration', '0.6'])
     metrics = json.loads((tmp_path / 'out' / 'metrics.json').read_text())
-    assert code == 0
+    assert code == 1
     assert metrics['frames'] == 6
     assert metrics['wrong_published'] == 0
     assert metrics['published'] == 0

@@ -10,6 +10,7 @@ from drive_samples import beside, COARSE, recorded, rewritten
 import pytest
 
 from gip_localizer.cli import main
+from gip_localizer.parameters import load_parameter_file
 
 
 def refused(capsys, *words: str) -> str:
@@ -44,6 +45,10 @@ def replay(drive, tmp_path, *options):
     (['--start', 'nan'], ['--start nan', 'expected seconds']),
     (['--start', 'inf'], ['--start inf', 'expected seconds']),
     (['--duration', '-1'], ['--duration -1', 'expected seconds']),
+    (['--wrong-xy', '0'], ['--wrong-xy 0', 'metres above 0']),
+    (['--wrong-yaw', 'nan'], ['--wrong-yaw nan', 'degrees above 0']),
+    (['--relocalize', '--initial-pose', 'truth'], ['--relocalize', 'leave out --initial-pose']),
+    (['--no-odometry', '--odom-topic', '/odom'], ['--no-odometry', 'leave out --odom-topic']),
     (['--duration', '1e300'], ['--duration 1e+300', 'expected seconds']),
 ])
 def test_options(drive, tmp_path, capsys, options, words):
@@ -54,8 +59,9 @@ def test_options(drive, tmp_path, capsys, options, words):
 
 
 def test_a_negative_initial_pose_is_no_option(drive, tmp_path, capsys):
-    assert main(replay(drive, tmp_path, '--initial-pose', '-1.5,-2,0.1', '--duration', '0.1',
-                       *COARSE)) == 0
+    main(replay(drive, tmp_path, '--initial-pose', '-1.5,-2,0.1', '--duration', '0.1', *COARSE))
+    used = load_parameter_file(tmp_path / 'out' / 'params.yaml').initial_pose
+    assert (used.x, used.y, used.yaw) == (-1.5, -2.0, 0.1)
 
 
 def test_no_such_bag(tmp_path, capsys):

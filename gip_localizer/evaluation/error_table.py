@@ -12,14 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gip_localizer.evaluation.run import FrameResult
+from gip_localizer.evaluation.wrong_bounds import DEFAULT_BOUNDS, WrongBounds
 from gip_localizer.io.trajectory import Trajectory
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-WRONG_XY_M = 0.5
-"""Position error, in metres, above which a pose is wrong; chosen."""
-WRONG_YAW_DEG = 2.0
-"""Yaw error, in degrees, above which a pose is wrong; chosen."""
 ELLIPSE_95 = 5.991464547107979
 """95 % quantile of the chi-square law with 2 degrees of freedom (no unit): -2 ln 0.05."""
 
@@ -47,6 +44,8 @@ class ErrorTable:
         eᵀ P⁻¹ e, 3 degrees of freedom.
     nees_xy : (n,) float64
         The same for the position, 2 degrees of freedom.
+    bounds : WrongBounds
+        Errors above which a published pose is wrong.
 
     """
 
@@ -58,6 +57,7 @@ class ErrorTable:
     sigma: Floats
     nees: Floats
     nees_xy: Floats
+    bounds: WrongBounds
 
     @property
     def xy(self) -> Floats:
@@ -71,12 +71,15 @@ class ErrorTable:
 
     @property
     def wrong(self) -> Bools:
-        """True where the error of a published pose exceeds 0.5 m or 2 degrees, (n,)."""
+        """True where the error of a published pose exceeds a bound, (n,)."""
         yaw_deg = np.degrees(np.abs(self.body[:, 2]))
-        return self.judged & ((self.xy > WRONG_XY_M) | (yaw_deg > WRONG_YAW_DEG))
+        return self.judged & ((self.xy > self.bounds.xy_m) | (yaw_deg > self.bounds.yaw_deg))
 
 
-def tabulate_errors(estimates: Sequence[FrameResult], truth: Trajectory | None) -> ErrorTable:
+def tabulate_errors(
+    estimates: Sequence[FrameResult], truth: Trajectory | None,
+    bounds: WrongBounds = DEFAULT_BOUNDS,
+) -> ErrorTable:
     """
     Compare estimates with the truth, which is interpolated in time, never aligned or extrapolated.
 
@@ -86,6 +89,8 @@ def tabulate_errors(estimates: Sequence[FrameResult], truth: Trajectory | None) 
         Frames in any order of stamps.
     truth : Trajectory or None
         Trajectory of base in the map frame.
+    bounds : WrongBounds
+        Errors above which a published pose is wrong.
 
     Returns
     -------
@@ -117,6 +122,7 @@ def tabulate_errors(estimates: Sequence[FrameResult], truth: Trajectory | None) 
         sigma=np.sqrt(np.maximum(np.einsum('nii->ni', in_body), 0.0)),
         nees=_normalized_square(error, covariances),
         nees_xy=_normalized_square(error[:, :2], covariances[:, :2, :2]),
+        bounds=bounds,
     )
 
 

@@ -50,7 +50,7 @@ def compute_metrics(run: Run) -> Metrics:
         metrics are None.
 
     """
-    table = tabulate_errors(run.estimates, run.truth)
+    table = tabulate_errors(run.estimates, run.truth, run.wrong)
     return {
         'complete': run.complete,
         **_counts(table, run.estimates),
@@ -59,7 +59,10 @@ def compute_metrics(run: Run) -> Metrics:
         'camera_motion': mean_camera_motion(run.estimates),
         'corrections': corrections(run.estimates, run.parameters),
         **_speed(run),
-        'config': {**run.sources, 'parameters': run.parameters.to_dict()},
+        'config': {
+            **run.sources, 'wrong_xy_m': run.wrong.xy_m, 'wrong_yaw_deg': run.wrong.yaw_deg,
+            'parameters': run.parameters.to_dict(),
+        },
     }
 
 
@@ -202,8 +205,15 @@ def table_rows(metrics: Mapping[str, Any]) -> list[Row]:
     for key, name, unit, scale, form in TABLE:
         value = look_up(metrics, key)
         text = 'unknown' if value is None else format(value * scale, form)
+        if key == 'wrong_published':
+            name += _bounds_in_words(metrics)
         rows.append(Row(name, text, unit if value is not None else ''))
     return rows
+
+
+def _bounds_in_words(metrics: Mapping[str, Any]) -> str:
+    xy, yaw = (look_up(metrics, f'config.wrong_{name}') for name in ('xy_m', 'yaw_deg'))
+    return f' (error above {xy:g} m or {yaw:g} deg)' if xy is not None and yaw is not None else ''
 
 
 def format_table(rows: Sequence[Row]) -> str:

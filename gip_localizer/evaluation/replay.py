@@ -24,8 +24,10 @@ from gip_localizer.core.estimate import Estimate
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.errors import BagError, ImageError
 from gip_localizer.evaluation.camera_motion import correction_notes
+from gip_localizer.evaluation.no_pose import desk_reason
 from gip_localizer.evaluation.run import Run
 from gip_localizer.evaluation.worst_frames import WorstFrames
+from gip_localizer.evaluation.wrong_bounds import DEFAULT_BOUNDS, WrongBounds
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.sources import BagMessage
 from gip_localizer.io.bags.topics import IMAGES, Topics
@@ -64,6 +66,10 @@ class Replay:
         Parameters of the localizer.
     truth : Trajectory or None
         Ground truth.
+    wrong : WrongBounds
+        Errors above which a pose is wrong.
+    relocalize : bool
+        True: the first frame is searched for on the whole map, without a prior.
     estimates : list of Estimate
         Estimates so far, without their `match`.
 
@@ -74,6 +80,8 @@ class Replay:
     raster_map: RasterMap
     parameters: Parameters
     truth: Trajectory | None = None
+    wrong: WrongBounds = DEFAULT_BOUNDS
+    relocalize: bool = False
     estimates: list[Estimate] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -82,6 +90,8 @@ class Replay:
             self.raster_map, self.parameters, partial(print, file=sys.stderr),
             compressed=self.topics.image.msgtype == COMPRESSED,
         )
+        if self.relocalize:
+            self._dispatch.relocalize()
         self._worst = WorstFrames(self.truth, self.raster_map)
         self._warnings: dict[str, tuple[int, str]] = {}
         doubt = rectified_warning(
@@ -158,7 +168,7 @@ class Replay:
         return Run(
             title=title, estimates=self.estimates, parameters=self.parameters, truth=self.truth,
             raster_map=self.raster_map, exhibits=self._worst.exhibits(),
-            wall_seconds=self._seconds, complete=self._complete, sources=sources,
+            wall_seconds=self._seconds, complete=self._complete, sources=sources, wrong=self.wrong,
             notes=[*notes, *self._notes, *self.bag.notes, *self._unusable(),
                    *self._truth_elsewhere(), *self._withheld(),
                    *correction_notes(self.estimates, self.parameters)],
@@ -214,7 +224,7 @@ class Replay:
         first: dict[str, str] = {}
         for estimate in self.estimates:
             if not estimate.published:
-                first.setdefault(str(estimate.status), estimate.reason)
+                first.setdefault(str(estimate.status), desk_reason(estimate))
         times = Counter(str(estimate.status) for estimate in self.estimates)
         return [
             f'no pose, {word} in {times[word]} of {len(self.estimates)} frames, first: {reason}'

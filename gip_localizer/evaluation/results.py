@@ -71,7 +71,7 @@ def _fill(folder: Path, run: Run, metrics: Metrics) -> None:
     (folder / METRICS_FILE).write_text(text + '\n', encoding='utf-8')
     (folder / 'params.yaml').write_text(dump_parameter_file(run.parameters), encoding='utf-8')
     write_published(folder / 'published.mcap', run)
-    table = tabulate_errors(run.estimates, run.truth)
+    table = tabulate_errors(run.estimates, run.truth, run.wrong)
     (folder / 'frames.csv').write_text(frame_table(run, table), encoding='utf-8')
     page = render_report(run, metrics, table)
     (folder / 'report.html').write_text(page, encoding='utf-8')

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
+from gip_localizer.evaluation.wrong_bounds import DEFAULT_BOUNDS, WrongBounds
 from gip_localizer.io.trajectory import Trajectory
 from gip_localizer.parameters import Parameters
 
@@ -103,6 +104,8 @@ class Run:
         Origin of the input (bag, map, seed …); written to `config` and the report.
     notes : sequence of str
         Notes for the reader, for example on skipped topics or truncated input.
+    wrong : WrongBounds
+        Errors above which a published pose counts as wrong.
 
     """
 
@@ -116,3 +119,4 @@ class Run:
     complete: bool = True
     sources: Mapping[str, Any] = field(default_factory=dict)
     notes: Sequence[str] = ()
+    wrong: WrongBounds = DEFAULT_BOUNDS

@@ -22,6 +22,7 @@ from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.evaluation.suites.conditions import Setup
 from gip_localizer.evaluation.suites.grounds import GROUNDS, noisy_map
 from gip_localizer.evaluation.suites.model_errors import Warp
+from gip_localizer.evaluation.wrong_bounds import DEFAULT_BOUNDS
 from gip_localizer.parameters import Parameters
 from gip_localizer.parameters.spec import Value
 from gip_localizer.synthetic.drive import SyntheticDrive, SyntheticFrame
@@ -30,10 +31,6 @@ from gip_localizer.synthetic.scenarios import scenario_parameters
 
 FRAME_NS = 1_000_000_000
 """Time between two trials, nanoseconds; chosen."""
-WRONG_XY = 0.5
-"""Position error, in metres, above which a pose is wrong; chosen."""
-WRONG_YAW = np.radians(2.0)
-"""Yaw error, in rad, above which a pose is wrong; chosen."""
 PLACES = 100_000
 """Number of frames of a drive without end from which trials are drawn; chosen."""
 ORIGIN = Pose2(0.0, 0.0, 0.0)
@@ -109,7 +106,8 @@ class Trial:
 
 def is_wrong(error: Floats) -> bool:
     """Return True if an error (ahead, left, yaw) exceeds 0.5 m or 2 degrees."""
-    return bool(np.hypot(error[0], error[1]) > WRONG_XY or abs(error[2]) > WRONG_YAW)
+    xy, yaw_deg = np.hypot(error[0], error[1]), np.degrees(abs(error[2]))
+    return bool(xy > DEFAULT_BOUNDS.xy_m or yaw_deg > DEFAULT_BOUNDS.yaw_deg)
 
 
 def localizer_parameters(

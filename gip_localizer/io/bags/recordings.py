@@ -1,0 +1,90 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which of several bags are one recording, and which are recordings of their own.
+
+Parts of one recording (a split bag, or images and odometry recorded into different files) must be
+read as one stream; separate drives must not, for their stamps may overlap.
+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gip_localizer.io.bags.bag import Bag
+from gip_localizer.io.bags.topics import IMAGES
+
+MOST_APART_NS = 1_000_000_000
+"""Longest time between the end of one part of a recording and the beginning of the next, ns: the
+recorder opens the next file at once, and a camera delivers several images in it; chosen."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    path: Path
+    images: frozenset[str]
+    start_ns: int
+    end_ns: int
+
+    @classmethod
+    def of(cls, path: Path) -> _Part:
+        bag = Bag([path])
+        images = frozenset(topic.name for topic in bag.topics
+                           if topic.msgtype in IMAGES and topic.messages)
+        return cls(path, images, bag.start_ns, bag.end_ns)
+
+    def follows(self, other: _Part) -> bool:
+        """Tell whether this part continues the other, or holds another camera of its time."""
+        if self.images == other.images:
+            apart = abs(self.start_ns - other.end_ns)
+            return self.start_ns > other.start_ns and apart <= MOST_APART_NS
+        return not self.images & other.images and self.overlaps(other)
+
+    def overlaps(self, other: _Part) -> bool:
+        """Tell whether both were recorded at the same time, for a part of it."""
+        return self.start_ns <= other.end_ns and other.start_ns <= self.end_ns
+
+
+def recordings(paths: Sequence[Path]) -> list[list[Path]]:
+    """
+    Group bags into recordings.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Folders or files, in any order.
+
+    Returns
+    -------
+    list of list of Path
+        Bags of each recording in order of time. A bag that continues another within a second, with
+        the same image topics, or that holds other image topics of the same time, belongs to the
+        other's recording. A bag without images belongs to all recordings of its time, or to every
+        one if it shares the time of none.
+
+    Raises
+    ------
+    BagError
+        A bag cannot be opened.
+
+    """
+    if len(paths) == 1:
+        return [list(paths)]
+    parts = sorted((_Part.of(path) for path in paths), key=lambda part: part.start_ns)
+    groups: list[list[_Part]] = []
+    for part in (part for part in parts if part.images):
+        group = next((g for g in groups if any(part.follows(other) for other in g)), None)
+        if group is None:
+            groups.append([part])
+        else:
+            group.append(part)
+    if not groups:
+        return [list(paths)]
+    for part in (part for part in parts if not part.images):
+        same_time = [g for g in groups if any(part.overlaps(other) for other in g)]
+        for group in same_time or groups:
+            group.append(part)
+    return [[part.path for part in group] for group in groups]
