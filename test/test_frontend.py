@@ -128,6 +128,16 @@ def test_a_bad_camera_info_is_told_and_replaces_nothing(vehicle, word):
     vehicle.assert_localizes()
 
 
+def test_a_lens_without_its_name_is_used_and_said_with_every_frame(vehicle):
+    vehicle.ready()
+    vehicle.frontend.on_camera_info(camera_info(CALIBRATION, distortion_model=''))
+    vehicle.assert_localizes()
+    assert 'used as plumb_bob' in vehicle.frontend.warnings['LENS_UNNAMED']
+    vehicle.frontend.on_camera_info(camera_info(CALIBRATION))
+    vehicle.assert_localizes()
+    assert 'LENS_UNNAMED' not in vehicle.frontend.warnings
+
+
 def test_a_camera_info_that_changes_mid_run_is_taken(road, vehicle):
     vehicle.ready().assert_localizes()
     other = make_calibration('equidistant', focal=300.0)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gip_localizer.errors import CalibrationError
-from gip_localizer.io.messages import calibration
+from gip_localizer.io.messages import calibration, calibration_note
 
 
 @pytest.mark.parametrize(('model', 'D', 'zeros'), [
@@ -37,13 +37,26 @@ def test_a_rational_model_of_few_numbers_is_plumb_bob():
     ('equidistant', np.append(EQUIDISTANT, 0.1), 'D has 5 numbers; equidistant takes 4'),
     ('plumb_bob', np.append(PLUMB_BOB, [np.nan, 0.0, 0.0]), 'NaN'),
     ('plumb_bob', PLUMB_BOB[:3], 'D has 3 numbers'),
-    ('', PLUMB_BOB, 'it is empty, and D has 5 numbers, as of plumb_bob'),
     ('', PLUMB_BOB[:4], 'as of plumb_bob or equidistant;'),
     ('', PLUMB_BOB[:3], 'as of no model'),
 ])
 def test_numbers_that_mean_something_else_are_named(model, D, words):
     with pytest.raises(CalibrationError, match=words):
         calibration(camera_info(make_calibration('none'), distortion_model=model, d=D))
+
+
+@pytest.mark.parametrize('lens', ['plumb_bob', 'rational-8', 'rational-14'])
+def test_numbers_of_one_model_alone_are_used_without_its_name_and_it_is_said(lens):
+    made = make_calibration(lens)
+    message = camera_info(made, distortion_model='')
+    assert calibration(message).key() == made.key()
+    assert f'{made.D.size} numbers of D are used as {made.model}' in calibration_note(message)
+
+
+def test_a_lens_that_is_named_or_has_no_distortion_needs_no_note():
+    for model, D in (('plumb_bob', PLUMB_BOB), ('', np.zeros(5)), ('', np.zeros(0))):
+        assert not calibration_note(camera_info(make_calibration('none'), d=D,
+                                                distortion_model=model))
 
 
 def test_a_last_number_left_at_zero_is_one():

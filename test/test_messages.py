@@ -113,7 +113,7 @@ def test_zeros_where_ros_means_nothing():
     ({'k': np.full(9, np.nan)}, 'NaN'),
     ({'d': np.array([0.1, np.nan, 0.0, 0.0, 0.0])}, 'D holds NaN'),
     ({'distortion_model': 'magic', 'd': np.ones(5)}, "'magic' is unknown"),
-    ({'distortion_model': '', 'd': np.ones(5)}, 'unknown'),
+    ({'distortion_model': '', 'd': np.ones(4)}, 'unknown'),
     ({'width': 0, 'height': 0}, 'size is 0x0'),
     ({'width': 2**31}, 'absurd'),
 ])

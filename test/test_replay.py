@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 import json
 import os
+import re
 import signal
 
 from bag_samples import write_rosbag2
-from drive_samples import COARSE, recorded, replayed, rewritten
+from drive_samples import beside, COARSE, recorded, replayed, rewritten
 from mcap.writer import CompressionType
 import numpy as np
 import pytest
@@ -102,6 +103,15 @@ def test_a_window_after_the_only_camera_info_is_calibrated(drive, messages, tmp_
                        '--initial-pose', 'truth')
     assert metrics['frames'] == 3
     assert 'NO_CALIBRATION' not in metrics['statuses']
+
+
+def test_an_initial_pose_of_the_beginning_is_doubted_later_on(drive, tmp_path, capsys):
+    late = ('--start', '1.5', '--duration', '0.2', '--out', str(tmp_path / 'out'))
+    assert main(['replay', str(drive), *beside(drive), *COARSE, *late]) == 1
+    assert re.search(r'initial_pose\.\* is [2-9]\.\d+ m and .* give --initial-pose truth',
+                     capsys.readouterr().err)
+    replayed(drive, drive, tmp_path / 'new', *late[:4], '--initial-pose', 'truth')
+    assert 'initial_pose' not in capsys.readouterr().err
 
 
 def test_a_camera_info_after_the_images_is_taken_for_all(drive, messages, tmp_path, capsys):

@@ -147,14 +147,17 @@ def test_a_bad_calibration_is_reported_and_a_good_one_mends_it(
     assert_near(localized(tester, images, localizer), truth)
 
 
-def test_a_prior_in_another_frame_or_not_finite_is_refused(tester, localizer):
+def test_priors_are_refused_and_each_new_reason_is_logged(tester, localizer, tmp_path):
     moon, not_finite = initial_pose(START, 'moon'), initial_pose(Pose2(math.nan, 0.0, 0.0))
-    for bad in (moon, not_finite, initial_pose(Pose2(500.0, 0.0, 0.0))):
+    far = initial_pose(Pose2(500.0, 0.0, 0.0))
+    for bad, reason in ((moon, "in frame 'moon'"), (not_finite, 'NaN'), (far, 'outside the map')):
         tester.diagnostics.clear()
         tester.initial.publish(bad)
         tester.until(
             lambda: tester.said('prior', 'INITIALPOSE_REFUSED'), 'a report', alive=localizer
         )
+        said = (tmp_path / 'localizer.log').read_text().splitlines()
+        assert [line for line in said if 'INITIALPOSE_REFUSED' in line and reason in line]
 
 
 def test_services_disable_and_enable(tester, localizer, render):

@@ -29,8 +29,10 @@ from ros_scene import (
 from scipy.spatial.transform import Rotation
 from tf2_msgs.msg import TFMessage
 
+from gip_localizer.core.camera.model import Extrinsics
 from gip_localizer.core.pose import Pose2, wrap_angle
 from gip_localizer.io.messages import planar_pose, stamp_ns
+from gip_localizer.io.static_transforms import StaticTransforms
 from gip_localizer.ros.conversions import header_of, pose_of
 
 pytestmark = pytest.mark.ros
@@ -108,6 +110,24 @@ def test_the_camera_is_where_static_transforms_put_it(nodes, tester, map_file, r
     where.z += 3.0
     static.publish(TFMessage(transforms=[mounted]))
     assert_near(localized(tester, images, process), START)
+
+
+def test_the_synthetic_camera_says_on_tf_static_where_it_is_held(nodes, tester):
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    heard = []
+    process = nodes.start('synthetic_camera', {
+        'publish.wait': True, 'world.name': 'tiles', 'camera.x': 1.2, 'camera.z': 1.4,
+        'camera.pitch': 0.3, 'camera.yaw': -0.1,
+    })
+    # Late on purpose: the transform is latched.
+    tester.until(lambda: tester.count_publishers('/tf_static'), 'the camera', alive=process)
+    tester.create_subscription(TFMessage, '/tf_static', heard.append, latched)
+    tester.until(lambda: heard, 'its mount', alive=process)
+    tree = StaticTransforms()
+    tree.take(heard[0].transforms)
+    held = tree.extrinsics('base_link', 'camera')
+    expected = Extrinsics(x=1.2, z=1.4, pitch=0.3, yaw=-0.1)
+    assert vars(held) == pytest.approx(vars(expected), abs=1e-9)
 
 
 def posed_with_odometry(tester, render):

@@ -13,6 +13,7 @@ from typing import Any
 from gip_localizer.cli.settings import file_next_to, recorded_parameters, unused_at_the_desk
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import ParameterError
+from gip_localizer.evaluation.start_pose import start_note
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.camera import mounted
 from gip_localizer.io.bags.topics import choose_topics, TopicNames, Topics
@@ -98,7 +99,8 @@ def open_input(args: argparse.Namespace, paths: Sequence[Path]) -> ReplayInput:
     topics = _left_out(args, topics)
     start = _start(args, bag, topics, truth)
     parameters, said = mounted(bag, topics, _parameters(args, paths, base, start))
-    notes += [*said, *unused_at_the_desk(parameters)]
+    doubt = start_note(parameters.initial_pose, bag, topics, truth, window)
+    notes += [*said, *unused_at_the_desk(parameters), *([doubt] if doubt else [])]
     sources = _sources(args, paths, topics, file)
     return ReplayInput(bag, topics, truth, window, parameters, sources, notes)
 

@@ -23,7 +23,8 @@ def lens(model: str, D: Floats) -> tuple[str, Floats]:
     Parameters
     ----------
     model : str
-        As the CameraInfo names it.
+        As the CameraInfo names it; empty: the one model that takes so many numbers, as the Python
+        image_geometry uses them (the one in C++ refuses).
     D : (n,) float64
         Zeros beyond what the model takes are left out.
 
@@ -39,14 +40,14 @@ def lens(model: str, D: Floats) -> tuple[str, Floats]:
     Raises
     ------
     CalibrationError
-        The model is not named.
+        The model is not named, and no or more than one model takes so many numbers.
 
     """
     if not D.any():
         other = model in FISHEYE_MODELS and D.size not in (0, *LENGTHS[model])
         return (PLUMB_BOB if other else model), D
     if not model:
-        raise _unnamed(D)
+        return _only_model(D), D
     lengths = LENGTHS.get(model, ())
     fitting = [length for length in lengths if length < D.size and not D[length:].any()]
     if D.size not in lengths and fitting:
@@ -56,10 +57,23 @@ def lens(model: str, D: Floats) -> tuple[str, Floats]:
     return model, D
 
 
-def _unnamed(D: Floats) -> CalibrationError:
+def unnamed_lens(model: str, D: Floats) -> str:
+    """Return what is to be said of numbers that are used without the name of their model."""
+    if model or not D.any():
+        return ''
+    return (
+        f'distortion_model is empty; the {D.size} numbers of D are used as {_only_model(D)}: '
+        'publish the name of the model that was calibrated'
+    )
+
+
+def _only_model(D: Floats) -> str:
+    """Return the one model that takes as many numbers (raises CalibrationError)."""
     models = {**PINHOLE_MODELS, 'equidistant': LENGTHS['equidistant']}
     fitting = [model for model, lengths in models.items() if D.size in lengths]
-    return CalibrationError(
+    if len(fitting) == 1:
+        return fitting[0]
+    raise CalibrationError(
         f"CameraInfo distortion_model '' is unknown: it is empty, and D has {D.size} numbers, as "
         f'of {" or ".join(fitting) or "no model"}; publish the name of the model that was '
         'calibrated'

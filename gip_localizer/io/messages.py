@@ -14,7 +14,7 @@ from gip_localizer.core.camera.calibration import Calibration
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.track.odometry import OdometrySample
 from gip_localizer.errors import CalibrationError, GipError
-from gip_localizer.io.lens import lens, with_scale
+from gip_localizer.io.lens import lens, unnamed_lens, with_scale
 
 PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and rotation about z of a 6 x 6 covariance
 MAX_IMAGE_SIDE = 65536
@@ -108,25 +108,30 @@ def calibration(message: Any) -> Calibration:
         Uncalibrated or unusable (see `Calibration`).
 
     """
-    def numbers(name: str) -> Floats:
-        values = getattr(message, name) if hasattr(message, name) else getattr(
-            message, name.upper()
-        )
-        return np.asarray(values, float)
-
     width, height = int(message.width), int(message.height)
     if max(width, height) > MAX_IMAGE_SIDE:
         raise CalibrationError(f'CameraInfo size {width}x{height} is absurd; recalibrate')
     roi = message.roi
-    rotation = numbers('r').reshape(3, 3)
-    model, distortion = lens(str(message.distortion_model), numbers('d').ravel())
+    rotation = _numbers(message, 'r').reshape(3, 3)
+    model, distortion = lens(str(message.distortion_model), _numbers(message, 'd'))
     return Calibration(
-        width, height, with_scale(numbers('k').reshape(3, 3)), distortion,
-        with_scale(numbers('p').reshape(3, 4)[:, :3]), model,
+        width, height, with_scale(_numbers(message, 'k').reshape(3, 3)), distortion,
+        with_scale(_numbers(message, 'p').reshape(3, 4)[:, :3]), model,
         rotation if rotation.any() else np.eye(3),
         (max(int(message.binning_x), 1), max(int(message.binning_y), 1)),
         (int(roi.x_offset), int(roi.y_offset), int(roi.width), int(roi.height)),
     )
+
+
+def calibration_note(message: Any) -> str:
+    """Return what is to be said of a CameraInfo that can be used; mostly nothing."""
+    return unnamed_lens(str(message.distortion_model), _numbers(message, 'd'))
+
+
+def _numbers(message: Any, name: str) -> Floats:
+    """Return a matrix of a CameraInfo, flat, by its name in lower case."""
+    values = getattr(message, name) if hasattr(message, name) else getattr(message, name.upper())
+    return np.asarray(values, float).ravel()
 
 
 def fingerprint(message: Any) -> tuple[object, ...]:

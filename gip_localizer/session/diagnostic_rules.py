@@ -118,6 +118,8 @@ CALIBRATION = DiagnosticGroup('calibration', (
     Rule('NO_CAMERA_INFO_YET', W, 'no camera_info has been received since the start'),
     Rule('CAMERA_INFO_REFUSED', W, 'the last camera_info cannot be used; the previous one is kept',
          withheld=False),
+    Rule('LENS_UNNAMED', W, 'distortion_model of camera_info is empty; D is used as the one model '
+         'that takes as many numbers', withheld=False),
     Rule('RECTIFIED_DIFFERS', W, 'the name of the image topic suggests rectified images and '
          'camera.rectified is false, or the reverse', withheld=False),
     Rule('NO_CAMERA_TF', E, 'camera.from_tf is set, and the transform is unknown'),

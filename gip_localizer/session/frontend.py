@@ -80,6 +80,7 @@ class Frontend:
         self._repeats = RepeatedImages()
         self._depth = BitDepth()
         self._calibration: Calibration | None = None
+        self._lens_warnings: dict[str, str] = {}
         self._info_raw: tuple[object, ...] | None = None
         self._camera: CameraModel | None = None
         self._mask = load_mask(parameters.mask_file) if parameters.mask_file else None
@@ -124,6 +125,8 @@ class Frontend:
         except (CalibrationError, ValueError) as error:
             self._complain('camera_info', str(error))
             return
+        note = messages.calibration_note(message)
+        self._lens_warnings = {'LENS_UNNAMED': note} if note else {}
         self._info_raw = raw
         self._camera = None
         self.complaints.pop('camera_info', None)
@@ -177,7 +180,7 @@ class Frontend:
         self, message: Any, decode: Callable[[Any], Grey], masked: Masked | None
     ) -> Estimate:
         self._count('image')
-        self.warnings, self.image = {}, None
+        self.warnings, self.image = dict(self._lens_warnings), None
         self.camera_frame = str(message.header.frame_id)
         stamp = messages.stamp_ns(message.header)
         if stamp == 0:
