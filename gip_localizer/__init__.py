@@ -17,6 +17,35 @@ ROS; `session` runs a localizer on a stream of messages for node and replay alik
 renders cameras over maps; `mapping` builds maps; `evaluation`, `paper` and `benchmark` judge;
 `ros` holds the nodes and is the only folder that imports rclpy; `cli` is the desk tool `gip`.
 
+The names below are the public Python interface (docs/api.md). They are imported when they are
+first used, so that `import gip_localizer` stays quick.
+
 """
 
+from typing import Any, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gip_localizer.api import (
+        Camera,
+        draw_overlay,
+        Estimate,
+        GipError,
+        load_map,
+        Localizer,
+        Pose2,
+    )
+
 __version__ = '0.1.0'
+__all__ = ['Camera', 'Estimate', 'GipError', 'Localizer', 'Pose2', 'draw_overlay', 'load_map']
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    from gip_localizer import api
+
+    return getattr(api, name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

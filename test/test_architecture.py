@@ -8,8 +8,8 @@ import sys
 
 PACKAGE = Path(__file__).parents[1] / 'gip_localizer'
 FOLDERS = (
-    'errors', 'parameters', 'core', 'io', 'session', 'visualization', 'synthetic', 'mapping',
-    'paper', 'evaluation', 'benchmark', 'ros', 'cli',
+    'errors', 'parameters', 'core', 'io', 'session', 'visualization', 'api', 'synthetic',
+    'mapping', 'paper', 'evaluation', 'benchmark', 'ros', 'cli',
 )
 """Of the package, each after all that it imports."""
 ROOMS = (

@@ -18,6 +18,10 @@ MOST_EXPANDED = 2 * MOST_BYTES
 be of any size up to `MOST_BYTES`."""
 
 
+SEPARATOR = '---'
+"""Between two documents; `ros2 topic echo` writes one after the last document too."""
+
+
 class YamlFileError(GipError):
     """A YAML file cannot be read; the message is one bounded line without the file's name."""
 
@@ -62,7 +66,7 @@ def read_yaml(path: Path | str) -> Any:
 
 
 def _document(text: str) -> Any:
-    loader = yaml.SafeLoader(text)
+    loader = yaml.SafeLoader(text.rstrip().removesuffix(f'\n{SEPARATOR}'))
     try:
         node = loader.get_single_node()
         if node is None:
