@@ -20,7 +20,8 @@ from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.topics import choose_topics, TopicNames
 from gip_localizer.io.bags.truth import read_truth
 from gip_localizer.io.map_files import load_map
-from gip_localizer.io.trajectory import Trajectory, write_tum
+from gip_localizer.io.trajectory import Trajectory
+from gip_localizer.io.tum_files import write_tum
 
 SEEN_WELL = 0.02  # noise of a cell, grey
 

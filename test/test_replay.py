@@ -20,7 +20,7 @@ from gip_localizer.cli import main
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.cdr import jazzy
 from gip_localizer.io.map_files import load_map, save_map
-from gip_localizer.io.trajectory import read_tum
+from gip_localizer.io.tum_files import read_tum
 
 IMAGE, INFO, ODOM, TRUTH = '/image', '/camera_info', '/odom', '/ground_truth'
 

@@ -14,7 +14,7 @@ from run_samples import EPOCH, noisy_run
 from gip_localizer.errors import OutputError
 from gip_localizer.evaluation.results import write_results
 from gip_localizer.io.bags.bag import Bag
-from gip_localizer.io.trajectory import read_tum
+from gip_localizer.io.tum_files import read_tum
 from gip_localizer.parameters import load_parameter_file, Parameters
 
 FILES = ('metrics.json', 'report.html', 'frames.csv', 'estimate.tum', 'ground_truth.tum',

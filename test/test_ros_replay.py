@@ -22,7 +22,7 @@ from ros_support import GRAPH, Tester
 
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.io.messages import planar_pose, stamp_ns
-from gip_localizer.io.trajectory import read_tum
+from gip_localizer.io.tum_files import read_tum
 from gip_localizer.parameters import load_parameter_file
 from gip_localizer.ros.conversions import time_of
 from gip_localizer.ros.middleware import image_environment

@@ -13,7 +13,8 @@ import pytest
 
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import OutputError, TrajectoryError
-from gip_localizer.io.trajectory import read_tum, Trajectory, write_tum
+from gip_localizer.io.trajectory import Trajectory
+from gip_localizer.io.tum_files import read_tum, write_tum
 
 GOOD = '1.0 0 0 0 0 0 0 1\n2.0 1 0 0 0 0 0 1\n'
 

@@ -21,6 +21,7 @@ from gip_localizer.cli import (
     compare,
     demo,
     evaluate,
+    import_folder,
     paper,
     params,
     replay,
@@ -30,7 +31,8 @@ from gip_localizer.core.threads import use_one_library_thread
 from gip_localizer.errors import GipError
 
 VERBS = (
-    demo, simulate, replay, compare, build_map, check_calibration, evaluate, paper, params, bench
+    demo, simulate, import_folder, replay, compare, build_map, check_calibration, evaluate, paper,
+    params, bench,
 )
 INTERRUPTED = 130
 """Exit status after Ctrl-C: 128 plus the number of SIGINT, as shells report it."""

@@ -114,7 +114,7 @@ def _poses(args: argparse.Namespace, bag: Bag,
     from gip_localizer.errors import TrajectoryError
     from gip_localizer.io.bags.topics import choose_topics, TopicNames, TRUTH
     from gip_localizer.io.bags.truth import read_truth
-    from gip_localizer.io.trajectory import read_tum
+    from gip_localizer.io.tum_files import read_tum
 
     poses = None if args.poses is None else read_tum(args.poses)
     named = TopicNames(args.image_topic, args.camera_info_topic, truth=args.truth)

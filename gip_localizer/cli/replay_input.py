@@ -19,7 +19,8 @@ from gip_localizer.io.bags.camera import mounted
 from gip_localizer.io.bags.topics import choose_topics, TopicNames, Topics
 from gip_localizer.io.bags.truth import read_truth, truth_at_first_image
 from gip_localizer.io.bags.window import BagWindow
-from gip_localizer.io.trajectory import read_tum, Trajectory
+from gip_localizer.io.trajectory import Trajectory
+from gip_localizer.io.tum_files import read_tum
 from gip_localizer.parameters import Parameters
 
 

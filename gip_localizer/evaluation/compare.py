@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from gip_localizer.errors import GipError
 from gip_localizer.evaluation.metrics import look_up, Metrics, TABLE
-from gip_localizer.io.trajectory import read_tum, Trajectory
+from gip_localizer.io.trajectory import Trajectory
+from gip_localizer.io.tum_files import read_tum
 
 Floats = NDArray[np.float64]
 UNKNOWN = 'unknown'

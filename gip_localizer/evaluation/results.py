@@ -17,7 +17,8 @@ from gip_localizer.evaluation.published_bag import write_published
 from gip_localizer.evaluation.report import render_report
 from gip_localizer.evaluation.run import Run
 from gip_localizer.io.output_folder import check_folder, fresh_folder
-from gip_localizer.io.trajectory import Trajectory, write_tum
+from gip_localizer.io.trajectory import Trajectory
+from gip_localizer.io.tum_files import write_tum
 from gip_localizer.parameters import dump_parameter_file
 
 METRICS_FILE = 'metrics.json'

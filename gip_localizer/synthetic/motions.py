@@ -11,7 +11,8 @@ from typing import Protocol
 import numpy as np
 
 from gip_localizer.core.pose import Pose2
-from gip_localizer.io.trajectory import read_tum, Trajectory
+from gip_localizer.io.trajectory import Trajectory
+from gip_localizer.io.tum_files import read_tum
 from gip_localizer.synthetic.parameters import Drive
 from gip_localizer.synthetic.paths import Path
 

@@ -6,14 +6,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
-
-import cv2
-import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from gip_localizer.errors import ParameterError
+from gip_localizer.io.bags.sensor_messages import (
+    compressed_message,
+    COMPRESSED_TYPE,
+    image_message,
+    IMAGE_TYPE,
+    info_message,
+    INFO_TYPE,
+    mounting_message,
+    OPTICAL,
+    TF_TYPE,
+)
 from gip_localizer.io.bags.writer import BagWriter, make, make_header, make_pose
 from gip_localizer.io.map_files import save_map
 from gip_localizer.io.messages import full_covariance
@@ -26,14 +31,12 @@ from gip_localizer.synthetic.wheel_odometry import OdometryReading
 NAME = 'drive'
 START_NS = 1_700_000_000_000_000_000
 """Stamp of the first frame, nanoseconds since 1970: a date in November 2023; chosen."""
-OPTICAL = 'camera_optical_frame'
 TRANSPORTS = ('raw', 'jpeg', 'png')
 IMAGE, COMPRESSED = '/image', '/image/compressed'
 INFO, ODOM, TRUTH, TF = '/camera_info', '/odom', '/ground_truth', '/tf_static'
 TYPES = {
-    IMAGE: 'sensor_msgs/msg/Image', COMPRESSED: 'sensor_msgs/msg/CompressedImage',
-    INFO: 'sensor_msgs/msg/CameraInfo', ODOM: 'nav_msgs/msg/Odometry',
-    TRUTH: 'geometry_msgs/msg/PoseStamped', TF: 'tf2_msgs/msg/TFMessage',
+    IMAGE: IMAGE_TYPE, COMPRESSED: COMPRESSED_TYPE, INFO: INFO_TYPE,
+    ODOM: 'nav_msgs/msg/Odometry', TRUTH: 'geometry_msgs/msg/PoseStamped', TF: TF_TYPE,
 }
 
 
@@ -76,7 +79,9 @@ def write_drive(folder: Path, drive: SyntheticDrive, *, seconds: float, transpor
     left_out = COMPRESSED if transport == 'raw' else IMAGE
     topics = {topic: kind for topic, kind in TYPES.items() if topic != left_out}
     with BagWriter(bag_folder, topics, compress=True, latched=frozenset({TF})) as bag:
-        bag.write(TF, drive.start_ns, _tf_static(drive))
+        bag.write(TF, drive.start_ns, mounting_message(
+            drive.start_ns, drive.parameters.frames.base, drive.camera.extrinsics
+        ))
         for event in drive.events(seconds):
             if isinstance(event, OdometryReading):
                 _write_odometry(bag, event, drive)
@@ -108,59 +113,10 @@ def _write_frame(bag: BagWriter, frame: SyntheticFrame, drive: SyntheticDrive,
                  coding: tuple[str, int]) -> None:
     stamp = frame.stamp_ns
     header = make_header(stamp, OPTICAL)
-    bag.write(INFO, stamp, _camera_info(header, frame))
+    bag.write(INFO, stamp, info_message(header, frame.calibration))
     truth = make_header(stamp, drive.parameters.frames.map)
     bag.write(TRUTH, stamp, make(TYPES[TRUTH], header=truth, pose=make_pose(frame.truth)))
     if coding[0] == 'raw':
-        bag.write(IMAGE, stamp, _image(header, frame.image))
+        bag.write(IMAGE, stamp, image_message(header, frame.image))
     else:
-        bag.write(COMPRESSED, stamp, _compressed(header, frame.image, coding))
-
-
-def _image(header: Any, image: NDArray[np.unsignedinteger]) -> Any:
-    rows, cols = image.shape
-    little = image.astype(image.dtype.newbyteorder('<'))
-    return make(
-        TYPES[IMAGE], header=header, height=rows, width=cols,
-        encoding='mono8' if image.itemsize == 1 else 'mono16', is_bigendian=0,
-        step=cols * image.itemsize, data=np.frombuffer(little.tobytes(), np.uint8),
-    )
-
-
-def _compressed(header: Any, image: NDArray[np.unsignedinteger], coding: tuple[str, int]) -> Any:
-    kind, quality = coding
-    options = [cv2.IMWRITE_JPEG_QUALITY, quality] if kind == 'jpeg' else []
-    _, encoded = cv2.imencode('.jpg' if kind == 'jpeg' else '.png', image, options)
-    depth = 'mono8' if image.itemsize == 1 else 'mono16'
-    return make(TYPES[COMPRESSED], header=header, format=f'{depth}; {kind} compressed {depth}',
-                data=encoded.ravel())
-
-
-def _camera_info(header: Any, frame: SyntheticFrame) -> Any:
-    numbers = frame.calibration
-    x, y, width, height = numbers.roi
-    projection = np.hstack([numbers.P, np.zeros((3, 1))])
-    return make(
-        TYPES[INFO], header=header, height=numbers.height, width=numbers.width,
-        distortion_model=numbers.model, d=numbers.D.astype(float), k=numbers.K.ravel(),
-        r=np.eye(3).ravel(), p=projection.ravel(), binning_x=0, binning_y=0,
-        roi=make('sensor_msgs/msg/RegionOfInterest', x_offset=x, y_offset=y, width=width,
-                 height=height, do_rectify=False),
-    )
-
-
-def _tf_static(drive: SyntheticDrive) -> Any:
-    """Return the pose of the camera's optical frame in the base frame."""
-    held = drive.camera.extrinsics
-    x, y, z, w = (float(value) for value in Rotation.from_matrix(held.rotation()).as_quat())
-    transform = make(
-        'geometry_msgs/msg/Transform',
-        translation=make('geometry_msgs/msg/Vector3', x=held.x, y=held.y, z=held.z),
-        rotation=make('geometry_msgs/msg/Quaternion', x=x, y=y, z=z, w=w),
-    )
-    stamped = make(
-        'geometry_msgs/msg/TransformStamped',
-        header=make_header(drive.start_ns, drive.parameters.frames.base), child_frame_id=OPTICAL,
-        transform=transform,
-    )
-    return make(TYPES[TF], transforms=[stamped])
+        bag.write(COMPRESSED, stamp, compressed_message(header, frame.image, *coding))

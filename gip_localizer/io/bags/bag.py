@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator
 import heapq
 from pathlib import Path
-import re
 from typing import Any
 
 from rosbags.serde import SerdeError
@@ -24,6 +23,7 @@ from gip_localizer.io.bags.compression import is_compressed, plain, storage_suff
 from gip_localizer.io.bags.log_times import drive_times
 from gip_localizer.io.bags.sources import BagMessage, END, open_source, Source, Topic
 from gip_localizer.io.cdr import jazzy
+from gip_localizer.io.natural_order import natural_key
 from gip_localizer.parameters.yaml_files import read_yaml, user_path, YamlFileError
 
 STORAGE = ('.mcap', '.db3')
@@ -150,7 +150,7 @@ class Bag:
     def _files_of_folder(self, folder: Path) -> list[Path]:
         stored = {f.name: f for f in folder.iterdir() if storage_suffix(f) in STORAGE}
         found = sorted((f for f in stored.values()
-                        if not (is_compressed(f) and f.stem in stored)), key=_natural)
+                        if not (is_compressed(f) and f.stem in stored)), key=natural_key)
         info = self._metadata(folder)
         if not found:
             raise BagError(
@@ -183,9 +183,3 @@ def _announced(source: Source, topics: Collection[str], start_ns: int,
     """Yield a nameless message first, so that a file is opened only when its time has come."""
     yield BagMessage('', '', source.start_ns, b'')
     yield from source.messages(topics, start_ns, stop_ns)
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    """Order bag_2 before bag_10."""
-    parts = re.split(r'(\d+)', path.name)
-    return [(int(part), '') if part.isdigit() else (-1, part) for part in parts]

@@ -12,13 +12,8 @@ from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.topics import Topics, TRUTH
 from gip_localizer.io.bags.window import BagWindow
 from gip_localizer.io.messages import planar_pose, PoseMessageError, stamp_ns
-from gip_localizer.io.trajectory import (
-    MAX_GAP_NS,
-    roll_and_pitch,
-    stamp_text,
-    STEEPEST,
-    Trajectory,
-)
+from gip_localizer.io.trajectory import MAX_GAP_NS, stamp_text, Trajectory
+from gip_localizer.io.tum_files import roll_and_pitch, STEEPEST
 
 
 def read_truth(bag: Bag, topics: Topics, map_frame: str) -> tuple[Trajectory | None, list[str]]:
