@@ -9,6 +9,7 @@ from itertools import count
 import math
 
 import cv2
+from forked_nodes import fork
 from geometry_msgs.msg import PoseWithCovarianceStamped
 import numpy as np
 import pytest
@@ -65,7 +66,7 @@ def tester():
 
 @pytest.fixture
 def nodes(tmp_path):
-    with NodeProcesses(tmp_path, GRAPH) as processes:
+    with NodeProcesses(tmp_path, GRAPH, fork) as processes:
         yield processes
 
 

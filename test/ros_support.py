@@ -105,9 +105,14 @@ class Tester(Node):
         return result
 
     def get(self, name, node='localizer'):
-        request = GetParameters.Request(names=[name])
-        [value] = self.ask(GetParameters, f'/{node}/get_parameters', request).values
-        return Parameter.from_parameter_msg(_named(name, value)).value
+        return self.get_all([name], node)[name]
+
+    def get_all(self, names, node='localizer'):
+        """Return the values of parameters by name, from one call."""
+        request = GetParameters.Request(names=names)
+        values = self.ask(GetParameters, f'/{node}/get_parameters', request).values
+        return {name: Parameter.from_parameter_msg(_named(name, value)).value
+                for name, value in zip(names, values, strict=True)}
 
     def describe(self, name, node='localizer'):
         request = DescribeParameters.Request(names=[name])

@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from forked_nodes import fork
 from ros_support import GRAPH, PATIENCE, Tester
 from rosgraph_msgs.msg import Clock
 
@@ -45,7 +46,7 @@ def tester():
 
 @pytest.fixture
 def nodes(tmp_path):
-    with NodeProcesses(tmp_path, GRAPH) as processes:
+    with NodeProcesses(tmp_path, GRAPH, fork) as processes:
         yield processes
 
 

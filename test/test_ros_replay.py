@@ -12,6 +12,7 @@ import sys
 
 from bag_samples import EPOCH, ODOM, serialized, small_drive, write_mcap
 from drive_samples import recorded, replayed
+from forked_nodes import fork
 import numpy as np
 import pytest
 
@@ -42,7 +43,7 @@ def tester():
 
 @pytest.fixture
 def nodes(tmp_path):
-    with NodeProcesses(tmp_path, {**GRAPH, **image_environment()}) as processes:
+    with NodeProcesses(tmp_path, {**GRAPH, **image_environment()}, fork) as processes:
         yield processes
 
 

@@ -24,11 +24,13 @@ pytest.importorskip('rclpy')
 from nav_msgs.msg import Odometry
 from ros_scene import *  # noqa: F403 - fixtures and the world
 from ros_scene import CALIBRATION, camera_info, initial_pose, parameters, SECOND, START
+from ros_support import GRAPH
 from sensor_msgs.msg import Image
 
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.io.messages import planar_pose
 from gip_localizer.ros.conversions import header_of, mono8, pose_of
+from gip_localizer.ros.processes import NodeProcesses
 from gip_localizer.session.diagnostic_rules import DIAGNOSTIC_GROUPS
 
 pytestmark = pytest.mark.ros
@@ -155,11 +157,18 @@ def medians(sizes):
     return [float(np.median(part)) for part in np.array_split(sizes, 3)]
 
 
+@pytest.fixture
+def nodes_in_interpreters(tmp_path):
+    """As in a vehicle: a fork would share memory with others."""
+    with NodeProcesses(tmp_path, GRAPH) as processes:
+        yield processes
+
+
 def test_a_soak_leaves_the_node_alive_right_and_of_the_same_size(
-    nodes, tester, map_file, render
+    nodes_in_interpreters, tester, map_file, render
 ):
     # A lost pose is found by initialpose here: the search of the map costs what it costs.
-    process = nodes.start('localizer', parameters(map_file, {
+    process = nodes_in_interpreters.start('localizer', parameters(map_file, {
         'recovery.automatic': False, 'mask.from_topic': True,
     }))
     tester.until(tester.matched, 'the localizer to join', alive=process)

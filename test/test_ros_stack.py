@@ -167,7 +167,7 @@ def test_a_dump_of_the_node_is_a_parameter_file_of_the_desk_tool(tester, localiz
     request = ListParameters.Request()
     names = tester.ask(ListParameters, '/localizer/list_parameters', request).result.names
     path = tmp_path / 'dump.yaml'
-    path.write_text(dump_ros_yaml({name: tester.get(name) for name in names}, '/localizer'))
+    path.write_text(dump_ros_yaml(tester.get_all(names), '/localizer'))
     assert load_parameter_file(path).camera.pitch == EXTRINSICS.pitch
 
 

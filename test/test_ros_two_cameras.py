@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from forked_nodes import fork
 from geometry_msgs.msg import PoseStamped
 from ros_scene import *  # noqa: F403 - fixtures and the world
 from ros_scene import assert_near, camera_info, frames, parameters, START
@@ -22,7 +23,7 @@ PLACES = {'front': START, 'rear': Pose2(-4.0, 3.0, 2.0)}
 
 def test_each_localizes_its_own_camera(tester, map_file, render, tmp_path):
     heard = {name: [] for name in PLACES}
-    with NodeProcesses(tmp_path, {}) as first, NodeProcesses(tmp_path, {}) as second:
+    with NodeProcesses(tmp_path, {}, fork) as first, NodeProcesses(tmp_path, {}, fork) as second:
         for (name, place), nodes in zip(PLACES.items(), (first, second), strict=True):
             start = {f'initial_pose.{axis}': float(getattr(place, axis))
                      for axis in ('x', 'y', 'yaw')}

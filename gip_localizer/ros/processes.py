@@ -20,6 +20,20 @@ from gip_localizer.parameters.spec import Value
 PR_SET_PDEATHSIG = 1
 PATIENCE = ((signal.SIGINT, 5.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 5.0))
 """How children are asked to end, and for how long (s) each request is waited for."""
+Launch = Callable[[str, Sequence[str], Path, Mapping[str, str]], 'subprocess.Popen[bytes]']
+"""Starts a node: of its name, its arguments, the file of what it prints, and the environment."""
+
+
+def launch_interpreter(
+    name: str, arguments: Sequence[str], log: Path, environment: Mapping[str, str]
+) -> subprocess.Popen[bytes]:
+    """Start a node in an interpreter of its own."""
+    with log.open('wb') as out:
+        return subprocess.Popen(
+            [sys.executable, '-m', f'gip_localizer.ros.{name}_node', *arguments],
+            stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT,
+            env=dict(environment), start_new_session=True, preexec_fn=_die_with_parent(),
+        )  # fmt: skip
 
 
 class NodeProcesses:
@@ -34,11 +48,16 @@ class NodeProcesses:
         Folder for what the nodes print, `NAME.log`.
     environment : mapping
         Environment variables to add to the inherited ones.
+    launch : callable
+        Starts a process that leads a group; what it returns has the methods of `Popen`.
 
     """
 
-    def __init__(self, logs: Path, environment: Mapping[str, str]) -> None:
+    def __init__(
+        self, logs: Path, environment: Mapping[str, str], launch: Launch = launch_interpreter
+    ) -> None:
         self._logs = logs
+        self._launch = launch
         self._environment = {**os.environ, 'PYTHONUNBUFFERED': '1', **environment}
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
@@ -77,17 +96,12 @@ class NodeProcesses:
             The process; `end` ends it.
 
         """
-        command = [sys.executable, '-m', f'gip_localizer.ros.{name}_node', '--ros-args']
+        arguments = ['--ros-args']
         for key, value in parameters.items():
-            command += ['-p', f'{key}:={_yaml(value)}']
+            arguments += ['-p', f'{key}:={_yaml(value)}']
         for remapping in remappings:
-            command += ['-r', remapping]
-        with (self._logs / f'{name}.log').open('wb') as log:
-            process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-                env=self._environment, start_new_session=True, preexec_fn=_die_with_parent(),
-            )  # fmt: skip
+            arguments += ['-r', remapping]
+        process = self._launch(name, arguments, self._logs / f'{name}.log', self._environment)
         self._running[name] = process
         return process
 
