@@ -20,6 +20,7 @@ from gip_localizer.cli import (
     check_calibration,
     compare,
     demo,
+    doctor,
     evaluate,
     import_folder,
     paper,
@@ -31,8 +32,8 @@ from gip_localizer.core.threads import use_one_library_thread
 from gip_localizer.errors import GipError
 
 VERBS = (
-    demo, simulate, import_folder, replay, compare, build_map, check_calibration, evaluate, paper,
-    params, bench,
+    demo, doctor, simulate, import_folder, replay, compare, build_map, check_calibration,
+    evaluate, paper, params, bench,
 )
 INTERRUPTED = 130
 """Exit status after Ctrl-C: 128 plus the number of SIGINT, as shells report it."""

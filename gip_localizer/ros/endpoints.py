@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 import copy
 import time
 from typing import Any, TypeVar
@@ -24,6 +24,7 @@ from rclpy.qos import (
 )
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from gip_localizer.errors import ParameterError
 
@@ -99,15 +100,26 @@ def publishers_of(node: Node, topic: str, qos: QoSProfile) -> str:
     found = node.get_publishers_info_by_topic(resolved)
     if not found:
         return f'nothing publishes {resolved}; is the topic remapped?'
-    heard = [qos_check_compatible(one.qos_profile, qos)[0] != QoSCompatibility.ERROR
-             for one in found]
-    count = f'{len(found)} publisher{"s" if len(found) > 1 else ""} of {resolved}'
-    if not any(heard):
-        offered = {f'{one.qos_profile.reliability.name.lower()}, '
-                   f'{one.qos_profile.durability.name.lower()}' for one in found}
-        return (f'{count}, none compatible: offered {" and ".join(sorted(offered))}, asked for '
-                f'{qos.reliability.name.lower()}, {qos.durability.name.lower()}')
-    return f'{count}, {"none sends" if len(found) > 1 else "which sends nothing"}'
+    if conflict := qos_conflict(resolved, found, qos):
+        return conflict
+    silent = 'none sends' if len(found) > 1 else 'which sends nothing'
+    return f'{_count(resolved, found)}, {silent}'
+
+
+def qos_conflict(topic: str, publishers: Sequence[TopicEndpointInfo], qos: QoSProfile) -> str:
+    """Return why a subscription hears none of a topic's publishers; empty: it hears one."""
+    if any(qos_check_compatible(one.qos_profile, qos)[0] != QoSCompatibility.ERROR
+           for one in publishers):
+        return ''
+    offered = {f'{one.qos_profile.reliability.name.lower()}, '
+               f'{one.qos_profile.durability.name.lower()}' for one in publishers}
+    return (f'{_count(topic, publishers)}, none compatible: offered '
+            f'{" and ".join(sorted(offered))}, asked for {qos.reliability.name.lower()}, '
+            f'{qos.durability.name.lower()}')
+
+
+def _count(topic: str, publishers: Sequence[TopicEndpointInfo]) -> str:
+    return f'{len(publishers)} publisher{"s" if len(publishers) > 1 else ""} of {topic}'
 
 
 def namesakes(node: Node) -> str:
