@@ -186,3 +186,17 @@ def test_residuals_lose_their_weight_early_only_where_some_are_no_noise():
     assert outlier_scale(struck, weights, 1.0) == 3.0
     assert outlier_scale(0.3 * noise, weights, 1.0) == 3.0
     assert outlier_scale(noise, np.zeros_like(weights), 1.0) == 3.0
+
+
+def test_the_calibrated_yaw_of_the_camera_is_an_error_that_no_frame_shows(road):
+    truth = road.pose(0.2)
+    sigma = 0.01
+    exact, doubtful = (
+        fit(road, road.frame(CAMERA, truth), truth, refiner=Refiner(
+            RECTIFIER, FIXED, normalized=True, robust=True, sigma_yaw=s
+        )) for s in (0.0, sigma)
+    )
+    x, y, _ = CAMERA.extrinsics.position()
+    turned = sigma * np.array([y, -x, 1.0])  # the base about the camera
+    assert doubtful.pose == exact.pose
+    assert doubtful.covariance - exact.covariance == pytest.approx(np.outer(turned, turned))

@@ -6,6 +6,7 @@ import numpy as np
 
 from gip_localizer.core.belief import Belief
 from gip_localizer.core.pose import Pose2
+from gip_localizer.core.refine.error_level import ErrorLevel
 from gip_localizer.core.track.track_state import Phase, TrackState
 from gip_localizer.parameters import Parameters
 
@@ -23,7 +24,7 @@ def test_the_state_machine_passes_through_its_phases():
     assert state.phase is Phase.UNINITIALIZED
     state.start_from(match(0))
     assert state.phase is Phase.INITIALIZED
-    state.accept(state.predict(S), match(1), gain=0.8)
+    state.accept(state.predict(S), match(1), gain=0.8, error_level=ErrorLevel())
     assert state.phase is Phase.TRACKING
     for seconds in (2, 3):
         state.miss(state.predict(seconds * S))
@@ -32,9 +33,9 @@ def test_the_state_machine_passes_through_its_phases():
     assert state.phase is Phase.RELOCALIZING
     assert state.search_due(4 * S)
     state.searched(4 * S)
-    state.accept(state.predict(4 * S), match(4), gain=0.8)
+    state.accept(state.predict(4 * S), match(4), gain=0.8, error_level=ErrorLevel())
     assert state.phase is Phase.CONFIRMING
-    state.accept(state.predict(5 * S), match(5), gain=0.8)
+    state.accept(state.predict(5 * S), match(5), gain=0.8, error_level=ErrorLevel())
     assert state.phase is Phase.TRACKING
 
 
@@ -45,7 +46,7 @@ def test_the_state_prints_phase_belief_gain_and_time_order():
     )
     state.start_from(match(0))
     assert state.take_stamp(S) == ''
-    state.accept(state.predict(S), match(1), gain=0.8)
+    state.accept(state.predict(S), match(1), gain=0.8, error_level=ErrorLevel())
     for words in ('tracking', '(1.000 m, 2.000 m, 0.5000 rad)', 'gain 0.800', f'frame {S} ns'):
         assert words in str(state)
 
@@ -53,7 +54,7 @@ def test_the_state_prints_phase_belief_gain_and_time_order():
 def test_a_new_prior_forgets_the_gain_and_the_time_order():
     state = TrackState(PARAMETERS)
     assert state.take_stamp(9 * S) == ''
-    state.accept(None, match(9), gain=0.8)
+    state.accept(None, match(9), gain=0.8, error_level=ErrorLevel())
     state.start_from(match(1))
     assert state.gain is None
     assert state.take_stamp(S) == ''

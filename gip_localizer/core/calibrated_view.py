@@ -35,6 +35,7 @@ class CalibratedView:
             self.rectifier, parameters.camera_motion,
             normalized=parameters.score.normalized,
             robust=parameters.score.robust,
+            sigma_yaw=parameters.camera.sigma_yaw,
         )
 
     def serves(self, camera: CameraModel, parameters: Parameters) -> bool:
@@ -44,4 +45,7 @@ class CalibratedView:
 
 def _relevant(camera: CameraModel, parameters: Parameters) -> tuple[object, ...]:
     score = parameters.score
-    return camera.key(), parameters.birdseye, parameters.camera_motion, score.metric, score.robust
+    return (
+        camera.key(), parameters.birdseye, parameters.camera_motion, parameters.camera.sigma_yaw,
+        score.metric, score.robust,
+    )

@@ -26,6 +26,7 @@ from gip_localizer.core.integrity import judge, Verdict
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.map.resampling import contrast
 from gip_localizer.core.pose import Pose2
+from gip_localizer.core.refine.observation import FrameErrors
 from gip_localizer.core.search.frame_search import FrameSearch
 from gip_localizer.core.search.local_search import SearchResult
 from gip_localizer.core.search.map_crops import MapCrops
@@ -155,7 +156,7 @@ class Localizer:
         with self._stage('match'):  # 3 score per candidate, best modes refined, judged
             search = FrameSearch(
                 match=match, crops=self._crops, refiner=prepared.refiner,
-                parameters=self.parameters, map_noise=noise.map,
+                parameters=self.parameters, errors=FrameErrors(noise.map, self.state.error_level),
             )
             found, verdict = self._search(stamp_ns, search, prior)
 
@@ -170,7 +171,7 @@ class Localizer:
                 prepared = self._prepared
                 if prepared is None or not prepared.serves(camera, self.parameters):
                     prepared = self._prepared = CalibratedView(camera, self.parameters)
-                    self.state.gain = None
+                    self.state.forget_calibration()
         except CalibrationError as error:
             self._prepared = None
             return self._silent(stamp_ns, Status.NO_ROAD_IN_VIEW, str(error))
@@ -237,7 +238,9 @@ class Localizer:
         measured = Belief(
             stamp_ns, fit.pose, fit.covariance_in_map, shared=fit.shared_in_map
         )
-        belief = self.state.accept(prior, measured, gain=fit.gain)
+        belief = self.state.accept(
+            prior, measured, gain=fit.gain, error_level=fit.shared.level
+        )
         if self.state.unconfirmed > 0:
             verdict = replace(verdict, status=Status.CONFIRMING, reason=(
                 f'found on the map; {self.state.unconfirmed} more agreeing frames are needed'

@@ -64,6 +64,10 @@ class Pose2(NamedTuple):
         """Take (..., 2) points of frame b to frame a."""
         return np.asarray(xy) @ self.rotation().T + np.array([self.x, self.y])
 
+    def distance(self, other: Pose2) -> float:
+        """Return the distance to another position, metres."""
+        return math.hypot(other.x - self.x, other.y - self.y)
+
     def is_finite(self) -> bool:
         """Whether all three numbers are finite."""
         return all(math.isfinite(value) for value in self)

@@ -56,6 +56,10 @@ class MountedCamera(Camera):
         False, 'Take the pose of the camera from /tf_static (base to the frame of the image) '
         'instead of the six numbers (needs tf2_msgs).', read_only=True,
     )
+    sigma_yaw: float = p(
+        0.0035, 'Standard deviation of the calibrated yaw (0.2 degrees): no frame shows this '
+        'error, and all share it. 0: the yaw is exact.', unit='rad', low=0.0, high=0.2,
+    )
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,9 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.pose import Pose2
+from gip_localizer.core.refine.error_level import ErrorLevel
 from gip_localizer.core.refine.least_squares import LeastSquaresProblem
+from gip_localizer.core.refine.smooth_errors import SharedErrors
 
 # Distance (m) between two fits beyond which they are at different places (chosen).
 SAME_PLACE = 0.2
@@ -35,9 +37,11 @@ class Fit:
     own_covariance : (3, 3) float64
         Of x, y (m) and yaw (rad) in the axes of the pose (ahead, left), from the influence of
         each block of road on the pose, so that correlated residuals do not count as independent;
-        it is larger where a share of the road disagrees. Without smooth errors.
-    find_smooth : callable
-        Computes `smooth`, which takes milliseconds and is needed of few fits.
+        it is larger where a share of the road disagrees. Without `shared`.
+    find_shared : callable
+        Computes `shared` from a level, which takes milliseconds and is needed of few fits.
+    level : ErrorLevel
+        Level of the smooth errors in the frames before.
     problem : LeastSquaresProblem
         The least-squares problem at the pose.
     camera_motion : (3,) float64
@@ -68,7 +72,8 @@ class Fit:
 
     pose: Pose2
     own_covariance: Floats
-    find_smooth: Callable[[], Floats]
+    find_shared: Callable[[ErrorLevel], SharedErrors]
+    level: ErrorLevel
     problem: LeastSquaresProblem
     camera_motion: Floats
     gain: float
@@ -94,19 +99,19 @@ class Fit:
         return self.problem.fisher()
 
     @cached_property
-    def smooth(self) -> Floats:
+    def shared(self) -> SharedErrors:
         """
-        Covariance (3, 3) from smooth errors of road, map and calibration.
+        Errors that the frames after this one share.
 
-        The frames after this one share these errors. Zero where the refinement did not converge.
+        Smooth errors of road, map and calibration, and the calibrated yaw of the camera.
 
         """
-        return self.find_smooth() if self.converged else np.zeros((3, 3))
+        return self.find_shared(self.level)
 
     @cached_property
     def covariance(self) -> Floats:
         """Covariance (3, 3) of x, y (m) and yaw (rad) in the axes of the pose."""
-        return self.own_covariance + self.smooth
+        return self.own_covariance + self.shared.covariance
 
     @property
     def covariance_in_map(self) -> Floats:
@@ -115,8 +120,8 @@ class Fit:
 
     @property
     def shared_in_map(self) -> Floats:
-        """Symmetric root (3, 3) of `smooth`, its rows turned to the map's axes."""
-        values, axes = np.linalg.eigh(self.smooth)
+        """Symmetric root (3, 3) of the shared covariance, its rows turned to the map's axes."""
+        values, axes = np.linalg.eigh(self.shared.covariance)
         root = (axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T
         return np.asarray(self._turn() @ root)
 

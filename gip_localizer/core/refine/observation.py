@@ -11,6 +11,7 @@ import numpy as np
 from gip_localizer.core.arrays import Floats, Ints
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
+from gip_localizer.core.refine.error_level import ErrorLevel
 from gip_localizer.core.refine.local_light import Light
 from gip_localizer.core.refine.stages import OPTICAL_TERMS, Stage
 
@@ -71,6 +72,24 @@ class RefinementState:
 
 
 @dataclass(frozen=True, eq=False)
+class FrameErrors:
+    """
+    What is known of the errors of a frame before it is matched.
+
+    Attributes
+    ----------
+    map_noise : float
+        Standard deviation of the map in the view's grey levels, as in the Gramian.
+    level : ErrorLevel
+        Of the smooth errors, from the frames before.
+
+    """
+
+    map_noise: float = 0.0
+    level: ErrorLevel = field(default_factory=ErrorLevel)
+
+
+@dataclass(frozen=True, eq=False)
 class Layer:
     """
     One stage's cells of a frame, and the map they are compared with.
@@ -89,6 +108,8 @@ class Layer:
         `RasterMap.blurred_slopes` of it, for cells that err with the map; None: not used.
     pixel_share : (n,) float32
         Share of the cells' variance that pixels cause and not the map.
+    level : ErrorLevel
+        Of the smooth errors, from the frames before.
 
     """
 
@@ -99,3 +120,4 @@ class Layer:
     locking: float
     calm_slopes: tuple[Floats, Floats] | None
     pixel_share: Floats
+    level: ErrorLevel

@@ -17,6 +17,7 @@ cells, with the blur.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 import math
 
@@ -27,11 +28,12 @@ from gip_localizer.core.birdseye.rectifier import Rectifier, View
 from gip_localizer.core.map.crop import Crop
 from gip_localizer.core.match.downsampling import downsampled_view
 from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.core.refine.error_level import ErrorLevel
 from gip_localizer.core.refine.fit import Fit
 from gip_localizer.core.refine.gauss_newton import GaussNewton, settled
 from gip_localizer.core.refine.least_squares import LeastSquaresProblem
-from gip_localizer.core.refine.observation import Layer, RefinementState, Unknowns
-from gip_localizer.core.refine.smooth_errors import SmoothErrors
+from gip_localizer.core.refine.observation import FrameErrors, Layer, RefinementState, Unknowns
+from gip_localizer.core.refine.smooth_errors import BlockSums, SharedErrors, SmoothErrors
 from gip_localizer.core.refine.stages import make_stages
 from gip_localizer.parameters import CameraMotion
 
@@ -77,11 +79,14 @@ class Refiner:
         True: gain and offset are unknown.
     robust : bool
         True: cells that disagree with the map lose their weight.
+    sigma_yaw : float
+        Standard deviation of the camera's calibrated yaw, rad.
 
     """
 
     def __init__(
-        self, rectifier: Rectifier, camera_motion: CameraMotion, *, normalized: bool, robust: bool
+        self, rectifier: Rectifier, camera_motion: CameraMotion, *, normalized: bool,
+        robust: bool, sigma_yaw: float = 0.0,
     ) -> None:
         self.camera = rectifier.camera
         self.pitches = _pitches(camera_motion.sigma_pitch)
@@ -90,9 +95,10 @@ class Refiner:
         self._smooth_errors = SmoothErrors(
             self._stages[-1].block_centres, rectifier.camera.extrinsics.position()
         )
+        self._mount = _of_mount_yaw(rectifier.camera.extrinsics.position(), sigma_yaw)
 
     def layers(
-        self, view: View, weight: Floats, crop: Crop, map_noise: float = 0.0,
+        self, view: View, weight: Floats, crop: Crop, errors: FrameErrors | None = None,
         stages: slice = slice(None),
     ) -> list[Layer]:
         """
@@ -106,22 +112,24 @@ class Refiner:
             The Gramian's diagonal.
         crop : Crop
             Of the map; covers the view about all starts.
-        map_noise : float
-            Standard deviation of the map in the view's grey levels, as in the Gramian.
+        errors : FrameErrors or None
+            What is known of them; None: no noise of the map, no frame before.
         stages : slice
             Which; all of them, coarse to fine, where it is not given.
 
         """
+        errors = errors or FrameErrors()
         layers = []
         for stage in self._stages[stages]:
             larger, weights = downsampled_view(view, weight, stage.factor)
             weighed = weights.ravel()[stage.index]
-            calm = stage.factor == 1 and map_noise > 0.0
+            calm = stage.factor == 1 and errors.map_noise > 0.0
             layers.append(Layer(
                 stage, larger.patch.ravel()[stage.index], weighed,
                 crop.for_cells(stage.resolution), crop.locking(stage.resolution),
                 crop.calm_slopes(stage.resolution) if calm else None,
-                np.maximum(np.float32(1.0) - weighed * np.float32(map_noise**2), 0.0),
+                np.maximum(np.float32(1.0) - weighed * np.float32(errors.map_noise**2), 0.0),
+                errors.level,
             ))
         return layers
 
@@ -168,10 +176,33 @@ class Refiner:
         converged = (
             drift < MAX_DRIFT and _is_covariance(covariance) and settled(state.step, covariance)
         )
+        find_shared = partial(self._shared, sums, state.pose)
         return _fit(
-            problem, state, spread, covariance, partial(self._smooth_errors.covariance, sums),
-            layers[-1], converged=converged,
+            problem, state, spread, covariance, find_shared, layers[-1], converged=converged
         )
+
+    def _shared(self, sums: BlockSums, place: Pose2, level: ErrorLevel) -> SharedErrors:
+        smooth = self._smooth_errors.shared(sums, level, place)
+        return replace(smooth, covariance=smooth.covariance + self._mount)
+
+
+def _of_mount_yaw(camera: Floats, sigma: float) -> Floats:
+    """
+    Covariance (3, 3) of the base from the camera's calibrated yaw.
+
+    No frame shows this error: the camera is located and not the base, which is turned about the
+    camera by it.
+
+    Parameters
+    ----------
+    camera : (3,)
+        Position of the camera in base, metres.
+    sigma : float
+        Standard deviation of the yaw, rad.
+
+    """
+    lever = sigma * np.array([camera[1], -camera[0], 1.0])
+    return np.outer(lever, lever)
 
 
 def _unknowns(camera_motion: CameraMotion, *, normalized: bool, robust: bool) -> Unknowns:
@@ -208,14 +239,15 @@ def _beyond(coarser: Pose2, pose: Pose2, layer: Layer) -> Floats:
 
 def _fit(
     problem: LeastSquaresProblem, state: RefinementState, spread: Floats, covariance: Floats,
-    find_smooth: Callable[[], Floats], layer: Layer, *, converged: bool,
+    find_shared: Callable[[ErrorLevel], SharedErrors], layer: Layer, *, converged: bool,
 ) -> Fit:
     weight = float(layer.weights.sum(dtype=np.float64))
     known = float(layer.weights[problem.all_weights > 0.0].sum(dtype=np.float64))
     return Fit(
         pose=state.pose,
         own_covariance=covariance,
-        find_smooth=find_smooth,
+        find_shared=find_shared,
+        level=layer.level,
         problem=problem,
         camera_motion=state.camera_motion,
         gain=problem.gain,

@@ -12,9 +12,9 @@ g_b of the least-squares problem, observes
 
 K is the sum of a map displacement, any direction, and of a road height, which displaces along the
 ray; both are Gaussian fields of a correlation length. No single length or ratio s²/ν is selected:
-the restricted likelihood of the gradients weights them (θ and ν are integrated out, see Harville
-1977), and the covariance is the weighted mean. It vanishes where blocks disagree by no more than
-their independent errors. With R = A⁻¹ Σ A_b[:, xy] F_b and K = F Fᵀ it is `E[s²] R Rᵀ`.
+the restricted likelihood of the gradients (θ and ν are integrated out, see Harville 1977) and the
+level of earlier frames (`ErrorLevel`) weight them, and the covariance is the weighted mean. With
+R = A⁻¹ Σ A_b[:, xy] F_b and K = F Fᵀ it is `E[s²] R Rᵀ`.
 
 """
 
@@ -26,6 +26,8 @@ import math
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
+from gip_localizer.core.pose import Pose2
+from gip_localizer.core.refine.error_level import ErrorLevel
 
 # Number of unknowns of the pose (x, y, yaw), which come first among all unknowns.
 GEOMETRY = 3
@@ -37,10 +39,6 @@ NODES = 7
 LEAST_MODE = 2e-2
 # Grid of s²/ν times the mean information on u, over which the covariance is averaged (chosen).
 STRENGTHS = np.geomspace(1e-4, 1e4, 41)
-# The prior density of log s² falls with this power, since most views have no smooth error. Chosen:
-# at 0.8 the clean condition had a NEES of 1.5 instead of 3 (`gip evaluate --suite conditions
-# --frames 10`, seed 0), at 1.0 the four clean conditions have 2.0 to 4.0 (30 frames, seed 9100).
-RARITY = 1.0
 # Information added to each block, as a share of the mean over the blocks: an edge does not
 # constrain the displacement along itself (chosen).
 LEAST_INFORMATION = 0.02
@@ -74,6 +72,24 @@ class BlockSums:
     prior: Floats
 
 
+@dataclass(frozen=True, eq=False)
+class SharedErrors:
+    """
+    Errors of a match that the matches after it share.
+
+    Attributes
+    ----------
+    covariance : (3, 3) float64
+        Of x, y (m) and yaw (rad) in the axes of the pose.
+    level : ErrorLevel
+        The level of the drive after this match.
+
+    """
+
+    covariance: Floats
+    level: ErrorLevel
+
+
 class SmoothErrors:
     """
     The fields of a view.
@@ -90,24 +106,40 @@ class SmoothErrors:
     def __init__(self, centres: Floats, camera: Floats) -> None:
         sides = np.maximum(np.ptp(centres, axis=0), 1e-6)
         side = math.sqrt(float(sides[0] * sides[1]))
+        self._apart = LENGTHS[0] * side
         levers = (centres - camera[:2]) / camera[2]
         levers /= max(math.sqrt(0.5 * float((levers**2).sum(axis=1).mean())), 1e-9)
         self._fields = [
             _displacements(_modes(centres, share * side), levers) for share in LENGTHS
         ]
 
-    def covariance(self, sums: BlockSums) -> Floats:
-        """Return the covariance (3, 3) of x, y and yaw that comes from smooth errors."""
+    def shared(self, sums: BlockSums, level: ErrorLevel, place: Pose2) -> SharedErrors:
+        """
+        Return the errors of a match.
+
+        Parameters
+        ----------
+        sums : BlockSums
+            The match.
+        level : ErrorLevel
+            Of the frames before.
+        place : Pose2
+            Base in map.
+
+        """
         blocks = _Whitened(sums)
         found = [blocks.strengths(fields) for fields in self._fields]
-        most = max(float(logs.max()) for logs, _ in found)
-        total, covariance = 0.0, np.zeros((GEOMETRY, GEOMETRY))
-        for fields, (logs, variances) in zip(self._fields, found, strict=True):
-            likelihoods = np.exp(logs - most)
-            total += float(likelihoods.sum())
+        variances = np.stack([variances for _, variances in found])
+        logs = np.stack([logs for logs, _ in found]) + level.log_prior(STRENGTHS, variances)
+        weights = np.exp(logs - logs.max())
+        weights /= weights.sum()
+        covariance = np.zeros((GEOMETRY, GEOMETRY))
+        for fields, mean in zip(self._fields, (weights * variances).sum(axis=1), strict=True):
             moved = np.linalg.solve(sums.whole, _pulled(sums.parts, fields))[:GEOMETRY]
-            covariance += float(likelihoods @ variances) * (moved @ moved.T)
-        return covariance / total
+            covariance += mean * (moved @ moved.T)
+        return SharedErrors(
+            covariance, level.after(weights, variances, place, apart=self._apart)
+        )
 
 
 class _Whitened:
@@ -136,7 +168,7 @@ class _Whitened:
 
     def strengths(self, fields: Floats) -> tuple[Floats, Floats]:
         """
-        Return the log posterior of each of `STRENGTHS`, and s² there, (n,) each.
+        Return the log likelihood of each of `STRENGTHS`, and s² there, (n,) each.
 
         Parameters
         ----------
@@ -156,7 +188,6 @@ class _Whitened:
         rest = self._squares - (strengths[:, None] * along / grown).sum(axis=1)
         rest = np.maximum(rest, LEAST_REST * self._squares)
         logs = -0.5 * (np.log(grown).sum(axis=1) + self._freedom * np.log(rest))
-        logs -= RARITY * np.log(STRENGTHS)
         return logs, strengths * rest / (self._freedom - 2.0)
 
 

@@ -12,6 +12,7 @@ from gip_localizer.core.belief import Belief
 from gip_localizer.core.estimate import Match
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.refine.fit import Fit, SAME_PLACE
+from gip_localizer.core.refine.observation import FrameErrors
 from gip_localizer.core.refine.refiner import Refiner
 from gip_localizer.core.search.global_search import global_search
 from gip_localizer.core.search.local_search import around_winner, search_window, SearchResult
@@ -51,8 +52,8 @@ class FrameSearch:
         For the view's calibration.
     parameters : Parameters
         Windows, metric, recovery.
-    map_noise : float
-        Standard deviation of the map in the view's grey levels, as in the Gramian.
+    errors : FrameErrors
+        What is known of them before the match.
 
     """
 
@@ -60,7 +61,7 @@ class FrameSearch:
     crops: MapCrops
     refiner: Refiner
     parameters: Parameters
-    map_noise: float
+    errors: FrameErrors
 
     def near(self, prior: Belief) -> SearchResult | None:
         """Search what a belief that fixes confirm leaves open; None off the map."""
@@ -89,7 +90,7 @@ class FrameSearch:
         """Search the whole map; None where no place matches at all."""
         return global_search(
             self.match.view, self.match.weight, self.crops, stamp_ns, self.parameters,
-            refiner=self.refiner, map_noise=self.map_noise,
+            refiner=self.refiner, errors=self.errors,
         )
 
     def with_equal_places(
@@ -134,7 +135,7 @@ class FrameSearch:
         return search_window(
             self.match.view, self.match.weight, self.crops, prior, extent,
             refiner=self.refiner, normalized=self.parameters.score.normalized,
-            map_noise=self.map_noise,
+            errors=self.errors,
         )
 
 

@@ -17,6 +17,7 @@ from gip_localizer.core.match.pyramid.coarse_to_fine import pyramid_modes
 from gip_localizer.core.match.score_surface import Scores
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.refine.fit import SAME_PLACE
+from gip_localizer.core.refine.observation import FrameErrors
 from gip_localizer.core.refine.refiner import Refiner
 from gip_localizer.core.search.hypotheses import COMPETITOR_SHARE
 from gip_localizer.core.search.local_search import (
@@ -40,7 +41,7 @@ LOCAL_COVARIANCE = np.eye(3)  # m^2, rad^2: local searches hardly use the coarse
 
 def global_search(
     view: View, weight: Floats, crops: MapCrops, stamp_ns: int, parameters: Parameters,
-    *, refiner: Refiner, map_noise: float,
+    *, refiner: Refiner, errors: FrameErrors,
 ) -> SearchResult | None:
     """
     Find the view anywhere on the map, at any heading.
@@ -67,7 +68,7 @@ def global_search(
     def searched(pose: Pose2) -> SearchResult | None:
         found = search_window(
             view, weight, crops, Belief(stamp_ns, pose, LOCAL_COVARIANCE), extent,
-            refiner=refiner, normalized=normalized, map_noise=map_noise,
+            refiner=refiner, normalized=normalized, errors=errors,
         )
         return found if found is not None and found.fits else None
 

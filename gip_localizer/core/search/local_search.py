@@ -31,6 +31,7 @@ from gip_localizer.core.match.posterior import (
 from gip_localizer.core.match.score_surface import make_lattice, match, Scores
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.refine.fit import Fit
+from gip_localizer.core.refine.observation import FrameErrors
 from gip_localizer.core.refine.refiner import Refiner
 from gip_localizer.core.search.hypotheses import competitors, Hypothesis
 from gip_localizer.core.search.map_crops import MapCrops
@@ -110,7 +111,7 @@ def coarse_factor(resolution: float, cell: float) -> int:
 
 def search_window(
     view: View, weight: Floats, crops: MapCrops, prior: Belief, extent: SearchWindow, *,
-    refiner: Refiner, normalized: bool, map_noise: float,
+    refiner: Refiner, normalized: bool, errors: FrameErrors,
 ) -> SearchResult | None:
     """
     Find the best poses in a window about a prior.
@@ -129,8 +130,8 @@ def search_window(
         For the view's calibration.
     normalized : bool
         Whether gain and offset are profiled out.
-    map_noise : float
-        Standard deviation of the map in the view's grey levels, as in the Gramian.
+    errors : FrameErrors
+        What is known of them before the match.
 
     Returns
     -------
@@ -142,7 +143,7 @@ def search_window(
     fine = crops.about(view.grid, prior.pose, extent, view.grid.resolution)
     if fine is None:
         return None
-    lay = partial(refiner.layers, view, weight, fine, map_noise)
+    lay = partial(refiner.layers, view, weight, fine, errors)
     finer = lay(stages=slice(1, None))
     layers = cache(lambda: lay(stages=slice(1)) + finer)
 

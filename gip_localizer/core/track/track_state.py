@@ -18,6 +18,7 @@ import numpy as np
 
 from gip_localizer.core.belief import Belief
 from gip_localizer.core.pose import Pose2
+from gip_localizer.core.refine.error_level import ErrorLevel
 from gip_localizer.core.track.pose_filter import FilterState, PoseFilter
 from gip_localizer.core.track.stamp_check import StampCheck
 from gip_localizer.parameters import Parameters
@@ -55,6 +56,8 @@ class TrackState:
     gain : float or None
         Of the image relative to the map at the last match; None before the first match of this
         calibration.
+    error_level : ErrorLevel
+        Of the smooth errors of road, map and calibration, from the matches of this calibration.
     misses : int
         Consecutive frames without a fix.
     unconfirmed : int
@@ -71,6 +74,7 @@ class TrackState:
         self.pose_filter = PoseFilter(parameters.motion)
         self.stamps = StampCheck()
         self.gain: float | None = None
+        self.error_level = ErrorLevel()
         self.search_requested = False
         self._searched_ns: int | None = None
         self._before_hop = FilterState()
@@ -120,6 +124,11 @@ class TrackState:
         self.search_requested = False
         self.stamps = StampCheck()
         self.gain = None
+
+    def forget_calibration(self) -> None:
+        """Forget what holds for one calibration only: gain and level of the smooth errors."""
+        self.gain = None
+        self.error_level = ErrorLevel()
 
     def _begin(self) -> None:
         self.misses = 0
@@ -175,7 +184,9 @@ class TrackState:
         """Note that the whole map was searched for a frame."""
         self._searched_ns = stamp_ns
 
-    def accept(self, prior: Belief | None, match: Belief, *, gain: float) -> Belief:
+    def accept(
+        self, prior: Belief | None, match: Belief, *, gain: float, error_level: ErrorLevel
+    ) -> Belief:
         """
         Take a match that is believed.
 
@@ -187,6 +198,8 @@ class TrackState:
             The match at the frame's stamp.
         gain : float
             Of the image relative to the map at the match.
+        error_level : ErrorLevel
+            Of the smooth errors after the match.
 
         Returns
         -------
@@ -195,6 +208,7 @@ class TrackState:
 
         """
         self.gain = gain
+        self.error_level = error_level
         new_place = self._is_new_place(prior, match)
         if new_place:
             self.unconfirmed = self._parameters.recovery.confirm_frames

@@ -24,11 +24,13 @@ from gip_localizer.evaluation.suites.suite import (
     share,
 )
 from gip_localizer.evaluation.suites.trials import Bench, Spread, Trial
+from gip_localizer.parameters import Parameters
 from gip_localizer.parameters.spec import Value
 
 MOST_NEES = 4.5  # overconfident by at most a factor 1.22
 LEAST_INSIDE = 0.85  # of the published poses, the truth in their 95 % ellipse
 LEAST_PUBLISHED = 0.9
+SIGMA_YAW = Parameters().camera.sigma_yaw  # rad: the default, whatever the cause is
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +56,7 @@ def _cause(
 ) -> ModelError:
     return ModelError(
         name=name, title=title, scenario=scenario, camera=dict(camera),
-        localizer=dict(localizer or {}), map_warp=map_warp,
+        localizer={'camera.sigma_yaw': SIGMA_YAW, **(localizer or {})}, map_warp=map_warp,
         miscalibration=miscalibration or Miscalibration(),
         rmse_xy_m=rmse_xy_m,
     )

@@ -113,11 +113,12 @@ def is_wrong(error: Floats) -> bool:
 def localizer_parameters(
     setup: Setup, drive: SyntheticDrive, overrides: Mapping[str, Value]
 ) -> Parameters:
-    """Return the parameters of the localizer for the camera of a setup."""
+    """Return the parameters of the localizer for the camera of a setup, whose yaw is exact."""
     held = drive.parameters.camera
     camera = {
         'camera.x': held.x, 'camera.y': held.y, 'camera.z': held.z, 'camera.roll': held.roll,
         'camera.pitch': held.pitch, 'camera.yaw': held.yaw, 'camera.rectified': held.rectified,
+        'camera.sigma_yaw': 0.0,
     }
     return Parameters.from_dict({**camera, 'motion.fuse': False, **setup.localizer, **overrides})
 
