@@ -28,6 +28,10 @@ LENSES = {
 }
 
 
+SMALL_CAMERA = {'size': (320, 180), 'focal': 225.0}
+"""A quarter of the pixels: for tests of what is done with frames and not of their pixels."""
+
+
 def intrinsics(focal: float, width: int, height: int) -> np.ndarray:
     return np.array([
         [focal, 0.0, (width - 1) / 2.0], [0.0, focal, (height - 1) / 2.0], [0.0, 0.0, 1.0],

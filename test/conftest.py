@@ -9,7 +9,7 @@ from gip_localizer.core.threads import use_one_library_thread
 # Before NumPy and OpenCV are loaded: as in the node, and parallel workers need the cores.
 use_one_library_thread()
 
-from drive_samples import drive  # noqa: E402, F401 - a fixture
+from drive_samples import drive, whole  # noqa: E402, F401 - fixtures
 from hypothesis import HealthCheck, settings  # noqa: E402
 import pytest  # noqa: E402
 from road_samples import Road  # noqa: E402

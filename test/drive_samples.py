@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import fcntl
 import json
 import os
@@ -21,18 +22,33 @@ COARSE = ['--set', 'birdseye.resolution=0.1']
 Recorded = list[tuple[str, str, int, bytes]]
 
 
-@pytest.fixture(scope='session')
-def drive(tmp_path_factory) -> Path:
-    """A folder of `gip simulate`: 2.5 s at 10 Hz, raw images; parallel workers make it once."""
+def made_once(tmp_path_factory, name: str, make: Callable[[Path], None]) -> Path:
+    """A folder of the test session; the first of the parallel workers to need it makes it."""
     shared = tmp_path_factory.getbasetemp()
     if 'PYTEST_XDIST_WORKER' in os.environ:
         shared = shared.parent
-    out = shared / 'drive'
-    with (shared / 'drive.lock').open('a') as lock:
+    out = shared / name
+    with (shared / f'{name}.lock').open('a') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not out.exists():
-            assert main(['simulate', '--seconds', '2.5', '--out', str(out), *SMALL]) == 0
+            make(out)
     return out
+
+
+@pytest.fixture(scope='session')
+def drive(tmp_path_factory) -> Path:
+    """A folder of `gip simulate`: 2.5 s at 10 Hz, raw images."""
+    def simulate(out: Path) -> None:
+        assert main(['simulate', '--seconds', '2.5', '--out', str(out), *SMALL]) == 0
+
+    return made_once(tmp_path_factory, 'drive', simulate)
+
+
+@pytest.fixture(scope='session')
+def whole(drive, tmp_path_factory) -> tuple[Path, dict]:
+    """The results folder of the whole drive as it was recorded, and its metrics."""
+    out = made_once(tmp_path_factory, 'whole', lambda out: replayed(drive, drive, out))
+    return out, json.loads((out / 'metrics.json').read_text())
 
 
 def recorded(folder: Path) -> Recorded:

@@ -51,8 +51,8 @@ def widened(drive, path, bits):
 
 
 @pytest.mark.parametrize('bits', [8, 10])
-def test_a_drive_of_few_bits_is_localized_as_that_of_eight(drive, tmp_path, capsys, bits):
-    given = replayed(drive, drive, tmp_path / 'given')
+def test_a_drive_of_few_bits_is_localized_as_that_of_eight(drive, whole, tmp_path, capsys, bits):
+    _, given = whole
     bag = widened(drive, tmp_path / 'few.mcap', bits)
     few = replayed(bag, drive, tmp_path / 'few')
     assert few['published'] == given['published']

@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+import contextlib
+import io
 from pathlib import Path
+import shutil
 
 import cv2
 import numpy as np
@@ -30,29 +33,35 @@ def compare(runs, tmp_path, *options):
     return main(['compare', *runs, '--out', str(tmp_path / 'out'), *options])
 
 
+@pytest.fixture(scope='module')
+def compared(runs, tmp_path_factory):
+    """The folder of a comparison, and what it printed."""
+    out, said = tmp_path_factory.mktemp('compared'), io.StringIO()
+    with contextlib.redirect_stdout(said):
+        assert compare(runs, out) == 0
+    return out / 'out', said.getvalue()
+
+
 def line_of(text, start):
     return next(line.split() for line in text.splitlines() if line.startswith(start))
 
 
-def test_figures_stand_side_by_side(runs, tmp_path, capsys):
-    assert compare(runs, tmp_path) == 0
-    text = capsys.readouterr().out
+def test_figures_stand_side_by_side(compared):
+    _, text = compared
     assert line_of(text, 'Metrics')[1:] == ['plain', 'other']
     assert line_of(text, 'published')[-2:] == ['60', '51']
     first, second = map(float, line_of(text, 'position error, rms')[-2:])
     assert second > 2.0 * first
 
 
-def test_only_parameters_that_differ_are_listed(runs, tmp_path, capsys):
-    compare(runs, tmp_path)
-    below = capsys.readouterr().out.split('Parameters that differ')[1]
+def test_only_parameters_that_differ_are_listed(compared):
+    below = compared[1].split('Parameters that differ')[1]
     assert line_of(below, 'score.metric')[1:] == ['gip_normalized', 'euclidean']
     assert 'search.x' not in below
 
 
-def test_the_figure_overlays_all_runs(runs, tmp_path):
-    compare(runs, tmp_path)
-    picture = cv2.imread(str(tmp_path / 'out' / 'compare.png'))
+def test_the_figure_overlays_all_runs(runs, compared):
+    picture = cv2.imread(str(compared[0] / 'compare.png'))
     assert picture is not None
     assert min(picture.shape[:2]) > 500
     axes = comparison_figure(read_runs([Path(run) for run in runs])).axes[0]
@@ -63,25 +72,25 @@ def test_the_figure_overlays_all_runs(runs, tmp_path):
     )
 
 
-def test_the_page_holds_tables_and_figure(runs, tmp_path):
-    compare(runs, tmp_path)
-    page = (tmp_path / 'out' / 'compare.html').read_text()
+def test_the_page_holds_tables_and_figure(compared):
+    page = (compared[0] / 'compare.html').read_text()
     assert 'data:image/svg+xml' in page
     assert 'score.metric' in page
 
 
-def test_runs_of_one_name_are_told_apart_by_their_parents(tmp_path, capsys):
-    for parent in ('a', 'b'):
-        write_results(tmp_path / parent / 'run', noisy_run(count=4))
+def test_runs_of_one_name_are_told_apart_by_their_parents(runs, tmp_path, capsys):
+    for parent, run in zip('ab', runs, strict=True):
+        shutil.copytree(run, tmp_path / parent / 'run')
     compare([str(tmp_path / p / 'run') for p in ('a', 'b')], tmp_path)
     assert line_of(capsys.readouterr().out, 'Metrics')[1:] == ['a/run', 'b/run']
 
 
-@pytest.mark.parametrize('changes', [{'truth': None}, {'estimates': []}, {'withheld': 60}])
-def test_a_run_without_errors_stands_beside_others(runs, tmp_path, capsys, changes):
-    write_results(tmp_path / 'thin', noisy_run(**changes))
-    assert compare([*runs, str(tmp_path / 'thin')], tmp_path) == 0
-    assert line_of(capsys.readouterr().out, 'position error, rms')[-1] == 'unknown'
+def test_runs_without_errors_stand_beside_others(runs, tmp_path, capsys):
+    thin = {'truthless': {'truth': None}, 'empty': {'estimates': []}, 'silent': {'withheld': 60}}
+    for name, changes in thin.items():
+        write_results(tmp_path / name, noisy_run(**changes))
+    assert compare([*runs, *(str(tmp_path / name) for name in thin)], tmp_path) == 0
+    assert line_of(capsys.readouterr().out, 'position error, rms')[-3:] == ['unknown'] * 3
 
 
 @pytest.mark.parametrize(('name', 'content', 'words'), [
@@ -102,12 +111,13 @@ def test_what_is_no_run_is_refused(runs, tmp_path, capsys, name, content, words)
     assert not (tmp_path / 'out').exists()
 
 
-@pytest.mark.parametrize('config', ['[1]', '{"parameters": [1]}', 'null', '"x"'])
-def test_a_run_without_readable_parameters_stands_beside_others(runs, tmp_path, config):
-    bare = tmp_path / 'bare'
-    bare.mkdir()
-    (bare / 'metrics.json').write_text(f'{{"frames": 3, "config": {config}}}')
-    assert compare([*runs, str(bare)], tmp_path) == 0
+def test_runs_without_readable_parameters_stand_beside_others(runs, tmp_path):
+    bare = []
+    for number, config in enumerate(['[1]', '{"parameters": [1]}', 'null', '"x"']):
+        bare.append(tmp_path / f'bare {number}')
+        bare[-1].mkdir()
+        (bare[-1] / 'metrics.json').write_text(f'{{"frames": 3, "config": {config}}}')
+    assert compare([*runs, *map(str, bare)], tmp_path) == 0
 
 
 @pytest.mark.parametrize('verb', ['replay', 'compare', 'map', 'check-calibration'])
@@ -119,8 +129,8 @@ def test_a_name_that_no_file_can_have_is_told(verb, capsys, tmp_path, monkeypatc
     assert error.startswith('gip: aaa')
 
 
-def test_a_comparison_is_not_replaced_without_force(runs, tmp_path, capsys):
-    assert compare(runs, tmp_path) == 0
+def test_a_comparison_is_not_replaced_without_force(runs, compared, tmp_path, capsys):
+    shutil.copytree(compared[0], tmp_path / 'out')
     assert compare(runs, tmp_path) == 1
     assert '--force' in capsys.readouterr().err
     assert compare(runs, tmp_path, '--force') == 0

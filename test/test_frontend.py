@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from camera_samples import HELD, make_calibration, make_camera
+from camera_samples import HELD, make_calibration, make_camera, SMALL_CAMERA
 import cv2
 from message_samples import (
     camera_info,
@@ -27,8 +27,8 @@ from gip_localizer.session.frontend import Frontend
 from gip_localizer.session.initial_pose import prior_of
 
 S = 1_000_000_000
-CALIBRATION = make_calibration('plumb_bob')
-CAMERA = make_camera('plumb_bob')
+CALIBRATION = make_calibration('plumb_bob', **SMALL_CAMERA)
+CAMERA = make_camera('plumb_bob', **SMALL_CAMERA)
 COVARIANCE = np.diag([0.1**2, 0.1**2, 0.01**2])
 PARAMETERS = Parameters.from_dict({
     'birdseye.near': 3.0, 'birdseye.far': 9.0, 'birdseye.half_width': 3.0,
@@ -140,19 +140,20 @@ def test_a_lens_without_its_name_is_used_and_said_with_every_frame(vehicle):
 
 def test_a_camera_info_that_changes_mid_run_is_taken(road, vehicle):
     vehicle.ready().assert_localizes()
-    other = make_calibration('equidistant', focal=300.0)
+    other = make_calibration('equidistant', size=(320, 180), focal=150.0)
     vehicle.frontend.on_camera_info(camera_info(other))
-    vehicle.pixels = road.frame(make_camera('equidistant', focal=300.0), vehicle.truth)
+    camera = make_camera('equidistant', size=(320, 180), focal=150.0)
+    vehicle.pixels = road.frame(camera, vehicle.truth)
     vehicle.assert_localizes()
 
 
-@pytest.mark.parametrize('shape', [(180, 320), (720, 1280), (360, 638), (1, 1)])
+@pytest.mark.parametrize('shape', [(90, 160), (360, 640), (180, 318), (1, 1)])
 def test_an_image_of_another_size_is_refused(vehicle, shape):
     vehicle.ready()
     estimate = vehicle.show(np.full(shape, 90, np.uint8))
     assert estimate.status is Status.NO_CALIBRATION
     assert f'{shape[1]}x{shape[0]}' in estimate.reason
-    assert '640x360' in estimate.reason
+    assert '320x180' in estimate.reason
     vehicle.assert_localizes()
 
 
@@ -188,7 +189,7 @@ def test_a_corrupt_jpeg_is_told_and_the_next_is_localized(vehicle):
 
 @pytest.mark.parametrize('level', [0, 255, 100])
 def test_flat_frames_are_told(vehicle, level):
-    estimate = vehicle.ready().show(np.full((360, 640), level, np.uint8))
+    estimate = vehicle.ready().show(np.full((180, 320), level, np.uint8))
     assert estimate.status is Status.LOW_CONTRAST
     vehicle.assert_localizes()
 

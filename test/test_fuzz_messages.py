@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import os
 
-from camera_samples import HELD, make_calibration, make_camera
+from camera_samples import HELD, make_calibration, make_camera, SMALL_CAMERA
 import cv2
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -33,19 +33,18 @@ from gip_localizer.parameters import Parameters
 from gip_localizer.session.frontend import Frontend
 from gip_localizer.session.mask_sync import MaskPairing
 
-MANY = settings(max_examples=int(os.environ.get('GIP_FUZZ', '60')))
+MANY = settings(max_examples=int(os.environ.get('GIP_FUZZ', '30')))
 S = 1_000_000_000
 START = 1_700_000_000 * S
 STEP = S // 20
 PLAUSIBLE = 4.0
 """Pixels by which a calibration may move the road and still be taken for the true one."""
-SMALL = {'size': (320, 180), 'focal': 225.0}
-CALIBRATION = make_calibration('plumb_bob', **SMALL)
-CAMERA = make_camera('plumb_bob', **SMALL)
+CALIBRATION = make_calibration('plumb_bob', **SMALL_CAMERA)
+CAMERA = make_camera('plumb_bob', **SMALL_CAMERA)
 COVARIANCE = np.diag([0.1**2, 0.1**2, 0.01**2])
 PARAMETERS = Parameters.from_dict({
     'birdseye.near': 3.0, 'birdseye.far': 8.0, 'birdseye.half_width': 2.0,
-    'birdseye.resolution': 0.1, 'search.x': 0.4, 'search.y': 0.4, 'search.yaw': 0.03,
+    'birdseye.resolution': 0.2, 'search.x': 0.4, 'search.y': 0.4, 'search.yaw': 0.03,
     'camera.x': HELD.x, 'camera.y': HELD.y, 'camera.z': HELD.z, 'camera.roll': HELD.roll,
     'camera.pitch': HELD.pitch, 'camera.yaw': HELD.yaw, 'recovery.automatic': False,
 })

@@ -9,7 +9,7 @@ import math
 
 from camera_samples import intrinsics, make_calibration, make_camera
 import cv2
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ HALF_CELL = 0.5 * PARAMETERS.birdseye.resolution
 HALF_STEP = 0.5 * PARAMETERS.search.yaw_step
 WINDOW = (PARAMETERS.search.x, PARAMETERS.search.y, PARAMETERS.search.yaw)
 VAGUE = np.diag([0.35**2, 0.35**2, 0.035**2])  # twice this is no wider than the window
-CORNERS = [(1, 1, 1), (-1, -1, -1), (1, -1, 0)]
+CORNERS = [(1, 1, 1), (-1, -1, -1)]
 
 
 class Finder:
@@ -62,6 +62,7 @@ def finder_of(road: Road, lens: str, metric: str) -> Finder:
 
 
 @settings(max_examples=14)
+@example(start=(1.0, -1.0, 0.0))
 @given(start=st.tuples(*[st.floats(-1.0, 1.0)] * 3))
 def test_from_any_start_in_the_window(road, start):
     assert ORIGIN.yaw != 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
-from camera_samples import HELD, make_camera
+from camera_samples import HELD, make_camera, SMALL_CAMERA
 import numpy as np
 import pytest
 from road_samples import PARAMETERS, Road
@@ -31,7 +31,8 @@ SMALL = {
 }
 VAGUE = np.diag([0.3**2, 0.3**2, 0.03**2])
 CERTAIN = np.diag([0.1**2, 0.1**2, 0.01**2])
-CAMERA = make_camera('plumb_bob')
+CAMERA = make_camera('plumb_bob', **SMALL_CAMERA)
+SHAPE = CAMERA.height, CAMERA.width
 SPEED = 5.0
 
 
@@ -147,7 +148,7 @@ def test_odometry_carries_over_a_gap_that_velocity_could_not(road, frame):
 def test_flat_frames_have_too_little_contrast(road, frame, level):
     localizer = make(road)
     localizer.set_prior(0, frame[0], CERTAIN)
-    estimate = localizer.update(S, np.full((360, 640), level, np.uint8), CAMERA)
+    estimate = localizer.update(S, np.full(SHAPE, level, np.uint8), CAMERA)
     check(estimate)
     assert estimate.status is Status.LOW_CONTRAST
     assert 'min_contrast' in estimate.reason
@@ -162,7 +163,7 @@ def test_noise_alone_is_never_published(road, frame, dtype):
     localizer.set_prior(0, frame[0], CERTAIN)
     rng = np.random.default_rng(8)
     for i in range(5):
-        noise = rng.integers(0, np.iinfo(dtype).max + 1, (360, 640), dtype)
+        noise = rng.integers(0, np.iinfo(dtype).max + 1, SHAPE, dtype)
         estimate = localizer.update(S + i * 50 * MS, noise, CAMERA)
         check(estimate)
         assert not estimate.published
@@ -304,8 +305,8 @@ def test_a_prior_of_another_clock_holds_now(road, frame):
 
 
 @pytest.mark.parametrize(('change', 'words'), [
-    (lambda image: image[::2, ::2], 'shape (180, 320)'),
-    (lambda image: np.dstack([image] * 3), 'shape (360, 640, 3)'),
+    (lambda image: image[::2, ::2], 'shape (90, 160)'),
+    (lambda image: np.dstack([image] * 3), 'shape (180, 320, 3)'),
     (lambda image: np.full(image.shape, np.nan, np.float32), 'NaN'),
 ])
 def test_an_image_that_is_none_of_the_camera_is_told_and_harms_nothing(road, frame, change, words):
@@ -425,7 +426,7 @@ def test_frames_confirm_a_found_place_only_where_the_vehicle_can_be(road, speed)
 def test_lost_after_enough_misses_and_silent_until_found(road, frame):
     localizer = make(road, integrity__lost_after=3)
     localizer.set_prior(0, frame[0], CERTAIN)
-    black = np.zeros((360, 640), np.uint8)
+    black = np.zeros(SHAPE, np.uint8)
     statuses = []
     for i in range(5):
         estimate = localizer.update(S + i * 50 * MS, black, CAMERA)
@@ -464,8 +465,8 @@ def test_a_lost_vehicle_is_found_again_by_itself(road, frame):
 def test_relocalizing_on_nothing_stays_silent(road):
     localizer = make(road)
     localizer.relocalize()
-    noise = np.random.default_rng(3).integers(0, 256, (360, 640), np.uint8)
-    for i, image in enumerate((np.zeros((360, 640), np.uint8), noise)):
+    noise = np.random.default_rng(3).integers(0, 256, SHAPE, np.uint8)
+    for i, image in enumerate((np.zeros(SHAPE, np.uint8), noise)):
         estimate = localizer.update(S + i * 100 * MS, image, CAMERA)
         check(estimate)
         assert not estimate.published
@@ -531,7 +532,8 @@ def test_a_calibration_that_changes_is_taken_at_once(road, frame):
     localizer = make(road)
     localizer.set_prior(0, frame[0], CERTAIN)
     assert localizer.update(S, frame[1], CAMERA).published
-    other = make_camera('equidistant', focal=300.0, held=replace(HELD, z=1.3, yaw=-0.05))
+    other = make_camera('equidistant', size=(320, 180), focal=150.0,
+                        held=replace(HELD, z=1.3, yaw=-0.05))
     estimate = localizer.update(S + 50 * MS, road.frame(other, frame[0]), other)
     check(estimate, frame[0])
     assert estimate.published
@@ -540,7 +542,7 @@ def test_a_calibration_that_changes_is_taken_at_once(road, frame):
 def test_a_camera_that_sees_no_road_is_told_and_a_good_one_goes_on(road, frame):
     localizer = make(road)
     localizer.set_prior(0, frame[0], CERTAIN)
-    sky = make_camera('plumb_bob', held=replace(HELD, pitch=-1.0))
+    sky = make_camera('plumb_bob', held=replace(HELD, pitch=-1.0), **SMALL_CAMERA)
     estimate = localizer.update(S, frame[1], sky)
     check(estimate)
     assert estimate.status is Status.NO_ROAD_IN_VIEW

@@ -23,9 +23,9 @@ def scene(road):
     return pose, road.frame(CAMERA, pose)
 
 
-def localized(road, truth, pixels, mask_file=''):
+def localized(road, truth, pixels, mask_file='', calibration=CALIBRATION):
     frontend = Frontend(road.map, PARAMETERS.replace({'mask_file': str(mask_file)}))
-    frontend.on_camera_info(camera_info(CALIBRATION))
+    frontend.on_camera_info(camera_info(calibration))
     frontend.on_initial_pose(initial_pose(truth, COVARIANCE))
     return frontend.on_image(image_message(pixels, 'mono8', stamp_ns=S))
 

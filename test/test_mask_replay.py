@@ -33,14 +33,14 @@ def masks(messages, every=1, stamp_ns=0):
 
 
 def test_masks_of_the_bag_are_paired_and_change_nothing_where_they_hide_nothing(
-    drive, messages, tmp_path
+    drive, whole, messages, tmp_path
 ):
-    without = replayed(drive, drive, tmp_path / 'without')
+    without, metrics_without = whole
     bag = rewritten(tmp_path / 'a.mcap', masks(messages))
     metrics = replayed(bag, drive, tmp_path / 'out', '--mask-topic', '/network/mask',
                        '--set', 'mask.required=true')
-    assert metrics['published'] == without['published']
-    read = [(tmp_path / name / 'estimate.tum').read_text() for name in ('out', 'without')]
+    assert metrics['published'] == metrics_without['published']
+    read = [(folder / 'estimate.tum').read_text() for folder in (tmp_path / 'out', without)]
     assert read[0] == read[1]
     by_name = replayed(bag, drive, tmp_path / 'again', '--set', 'mask.from_topic=true',
                        '--duration', '0.5')

@@ -4,11 +4,11 @@
 
 from __future__ import annotations
 
-from camera_samples import HELD
+from camera_samples import HELD, make_camera
 import cv2
 import numpy as np
 import pytest
-from test_frontend import CAMERA, S
+from test_frontend import S
 from test_mask import localized
 
 from gip_localizer.core.birdseye.grid import Grid
@@ -18,6 +18,7 @@ from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
 from gip_localizer.visualization.overlay import camera_overlay, map_outlines, PUBLISHED, WITHHELD
 
+CAMERA = make_camera('plumb_bob')
 GRID = Grid(9.0, 3.0, 60, 60, 0.1)
 BASE = Pose2(10.0, 10.0, 0.0)
 BAR = (5.0, 7.0, -0.5, 0.5)
@@ -73,7 +74,7 @@ def test_outlines_end_where_the_known_map_does():
 def frame(road):
     truth = road.pose(0.1)
     pixels = road.frame(CAMERA, truth)
-    return truth, pixels, localized(road, truth, pixels)
+    return truth, pixels, localized(road, truth, pixels, calibration=CAMERA.calibration)
 
 
 def test_lines_lie_on_the_edges_of_the_picture(road, frame):

@@ -26,13 +26,6 @@ IMAGE, INFO, ODOM, TRUTH = '/image', '/camera_info', '/odom', '/ground_truth'
 
 
 @pytest.fixture(scope='module')
-def whole(drive, tmp_path_factory):
-    """The results of the whole drive."""
-    out = tmp_path_factory.mktemp('whole') / 'out'
-    return out, replayed(drive, drive, out)
-
-
-@pytest.fixture(scope='module')
 def messages(drive):
     return recorded(drive)
 

@@ -11,7 +11,7 @@ import subprocess
 import sys
 
 from bag_samples import EPOCH, ODOM, serialized, small_drive, write_mcap
-from drive_samples import recorded, replayed
+from drive_samples import recorded
 from forked_nodes import fork
 import numpy as np
 import pytest
@@ -126,9 +126,8 @@ def test_the_last_image_reaches_a_reader_that_was_held_up_at_the_end(tester, nod
             reader.kill()
 
 
-def test_node_and_replay_give_the_same_poses(tester, nodes, drive, tmp_path):
-    replayed(drive, drive, tmp_path / 'out')
-    offline = read_tum(tmp_path / 'out' / 'estimate.tum')
+def test_node_and_replay_give_the_same_poses(tester, nodes, drive, whole):
+    offline = read_tum(whole[0] / 'estimate.tum')
     settings = load_parameter_file(drive / 'params.yaml').replace(
         {'map_file': str(drive / 'map.yaml'), 'birdseye.resolution': 0.1}
     )
