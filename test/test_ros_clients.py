@@ -36,6 +36,7 @@ from std_srvs.srv import Trigger
 
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.io.map_files import save_map
+from gip_localizer.ros.localizer.map_in_use import LoadMap
 
 pytestmark = pytest.mark.ros
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -186,6 +187,43 @@ def test_the_map_changes_while_the_node_runs_and_the_pose_is_carried_over(
     tester.until(lambda: len(tester.maps) > published, 'the other map')
     assert tester.maps[-1].info.width == WORLD.grey.shape[1] - 25
     assert_near(localized(tester, images, process), START)
+
+
+@pytest.mark.parametrize('service_type', ['nav2_msgs.srv', 'nav_msgs.srv'])
+def test_load_map_takes_another_map_or_says_why_not(start, tester, render, tmp_path, service_type):
+    kind = pytest.importorskip(service_type, reason='nav2_msgs is not in the wheels').LoadMap
+    if kind is not LoadMap:
+        pytest.skip('nav2_msgs is installed, and the service is of it')
+    process = start()
+    images = frames(render(START))
+    localized(tester, images, process)
+    other = tmp_path / 'other map.yaml'
+    save_map(RasterMap(WORLD.grey[:, :-25], WORLD.resolution, WORLD.origin), other)
+    no_picture, no_map = tmp_path / 'no_picture.yaml', tmp_path / 'no_map.yaml'
+    no_picture.write_text(other.read_text().replace('other map', 'absent'))
+    no_map.write_text('resolution: 0.04\n')
+    codes = kind.Response
+    for url, result in (
+        ('/nowhere/map.yaml', codes.RESULT_MAP_DOES_NOT_EXIST),
+        ('package://no_such_package/map.yaml', codes.RESULT_MAP_DOES_NOT_EXIST),
+        ('http://127.0.0.1/map.yaml', codes.RESULT_MAP_DOES_NOT_EXIST),
+        (str(no_picture), codes.RESULT_INVALID_MAP_DATA),
+        (f'file://{no_map}', codes.RESULT_INVALID_MAP_METADATA),
+    ):
+        request = kind.Request(map_url=url)
+        assert tester.ask(kind, '/localizer/load_map', request).result == result
+    assert_near(localized(tester, images, process), START)
+    url = 'file://' + str(other).replace(' ', '%20')
+    answer = tester.ask(kind, '/localizer/load_map', kind.Request(map_url=url))
+    assert answer.result == codes.RESULT_SUCCESS
+    assert answer.map.info.width == WORLD.grey.shape[1] - 25
+    assert tester.get('map_file') == str(other)
+    assert_near(localized(tester, images, process), START)
+    said = [line for line in lines(tmp_path) if 'load_map' in line]
+    assert any('no such file' in line for line in said)
+    assert any('absent' in line for line in said)
+    assert sum('is of nav_msgs/srv/LoadMap' in line for line in said) == (
+        'nav2' not in service_type)
 
 
 def test_relocalize_is_refused_with_its_reason_while_images_are_ignored(start, tester):

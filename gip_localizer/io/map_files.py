@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 import math
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,30 @@ REQUIRED = ('image', 'resolution', 'origin')
 MODES = ('trinary', 'scale', 'raw')  # of nav2: how grey becomes occupancy, which is not asked here
 FINEST, COARSEST = 1e-4, 100.0  # metres per cell: beyond are other units
 READING = '2'  # names the way pictures become cells; a new way must not take the old one's cells
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """
+    What a map YAML says.
+
+    Attributes
+    ----------
+    resolution : float
+        Side of a cell, metres.
+    origin : Pose2
+        Of the lower-left corner of the lower-left cell.
+    negate : bool
+        Black is white.
+    files : mapping
+        image and, perhaps, noise → file name, relative to the YAML file; not checked.
+
+    """
+
+    resolution: float
+    origin: Pose2
+    negate: bool
+    files: Mapping[str, Any]
 
 
 def load_map(path: Path | str) -> RasterMap:
@@ -56,6 +81,23 @@ def load_map(path: Path | str) -> RasterMap:
 
     """
     path = user_path(path)
+    settings = map_settings(path)
+    grey, valid = _cells(path, settings.files, 'image', negate=settings.negate)
+    if valid is not None and not valid.any():
+        raise MapError(f'map {path}: its image is transparent all over; expected road to be seen')
+    noise = None
+    if settings.files.get('noise') is not None:
+        noise, _ = _cells(path, settings.files, 'noise', negate=False)
+        if noise.shape != grey.shape:
+            raise MapError(
+                f'map {path}: its noise has {noise.shape[1]}x{noise.shape[0]} cells, its image '
+                f'{grey.shape[1]}x{grey.shape[0]}; expected the same'
+            )
+    return RasterMap(grey, settings.resolution, settings.origin, valid, noise)
+
+
+def map_settings(path: Path) -> MapSettings:
+    """Read a map YAML without its pictures (raises MapError)."""
     settings = _settings(path)
     resolution = _number(path, 'resolution', settings['resolution'])
     if not FINEST <= resolution <= COARSEST:
@@ -73,18 +115,7 @@ def load_map(path: Path | str) -> RasterMap:
     if settings.get('mode', MODES[0]) not in MODES:
         raise MapError(f'map {path}: mode is {quoted(settings["mode"])}; expected '
                        + ', '.join(MODES))
-    grey, valid = _cells(path, settings, 'image', negate=bool(negate))
-    if valid is not None and not valid.any():
-        raise MapError(f'map {path}: its image is transparent all over; expected road to be seen')
-    noise = None
-    if settings.get('noise') is not None:
-        noise, _ = _cells(path, settings, 'noise', negate=False)
-        if noise.shape != grey.shape:
-            raise MapError(
-                f'map {path}: its noise has {noise.shape[1]}x{noise.shape[0]} cells, its image '
-                f'{grey.shape[1]}x{grey.shape[0]}; expected the same'
-            )
-    return RasterMap(grey, resolution, Pose2(x, y, yaw), valid, noise)
+    return MapSettings(resolution, Pose2(x, y, yaw), bool(negate), settings)
 
 
 def _cells(path: Path, settings: Mapping[str, Any], key: str, *, negate: bool) -> Cells:

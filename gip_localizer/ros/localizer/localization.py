@@ -22,12 +22,10 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from gip_localizer.core.estimate import Estimate
-from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.errors import ParameterError
-from gip_localizer.io.map_files import load_map
 from gip_localizer.parameters import Parameters
 from gip_localizer.ros.endpoints import namesakes
 from gip_localizer.ros.localizer.diagnostics import DiagnosticsPublisher
+from gip_localizer.ros.localizer.map_in_use import MapInUse, MapService
 from gip_localizer.ros.localizer.publishers import Outputs
 from gip_localizer.ros.localizer.search_service import SearchService
 from gip_localizer.ros.localizer.subscriptions import Inputs
@@ -37,7 +35,6 @@ from gip_localizer.ros.parameters import warn_of_unknown_qos
 from gip_localizer.session.diagnostics import HealthMonitor
 from gip_localizer.session.dispatch import Dispatch, Frame, IMAGE, MASK, ODOMETRY
 from gip_localizer.session.input_checks import rectified_warning
-from gip_localizer.session.pose_file import map_hash
 
 LOOK = 0.2
 """Seconds between two looks at what has become silent."""
@@ -69,24 +66,23 @@ class Localization:
     """
 
     def __init__(self, node: Node, parameters: Parameters, *, active: bool = True) -> None:
-        raster_map = _map_of(parameters)
+        self._map = MapInUse(parameters)
         self._node = node
         self._dispatch = Dispatch(
-            raster_map, parameters, node.get_logger().error,
+            self._map.raster_map, parameters, node.get_logger().error,
             compressed=parameters.image_transport == 'compressed',
         )
         self._parameters = parameters
-        self._next_map: RasterMap | None = None
         self._health = HealthMonitor(
-            parameters.diagnostics, _map_figures(raster_map), active=active
+            parameters.diagnostics, self._map.figures(), active=active
         )
         self._dispatch.keep_state(partial(self._health.happened, 'STATE_REFUSED'))
-        self._wire(raster_map)
-        self._say_hello(raster_map)
+        self._wire()
+        self._say_hello()
 
-    def _wire(self, raster_map: RasterMap) -> None:
+    def _wire(self) -> None:
         node, frames = self._node, self._parameters.frames
-        self._outputs = Outputs(node, frames.map, raster_map)
+        self._outputs = Outputs(node, frames.map, self._map.raster_map)
         self._diagnostics = DiagnosticsPublisher(node, self._health)
         self._worker: Worker[Estimate] = Worker(node)
         self._tf = None
@@ -108,6 +104,7 @@ class Localization:
         ))
         node.create_service(Trigger, '~/relocalize', self._on_relocalize)
         self._searches = SearchService(node, self._search_refusal, self._request_search)
+        MapService(node, frames.map, lambda: self._map.raster_map)
         node.create_service(SetBool, '~/enable', self._on_enable)
         warn_of_unknown_qos(node)
         self._looks = 0
@@ -116,7 +113,8 @@ class Localization:
                              on_clock_change=False)
         self._jumps = node.get_clock().create_jump_callback(back, post_callback=self._on_jump)
 
-    def _say_hello(self, raster_map: RasterMap) -> None:
+    def _say_hello(self) -> None:
+        raster_map = self._map.raster_map
         rows, cols = raster_map.grey.shape
         self._node.get_logger().info(
             f'map {self._parameters.map_file}: {cols} x {rows} cells of '
@@ -133,25 +131,21 @@ class Localization:
             It cannot be read.
 
         """
-        self._next_map = None
-        if parameters.map_file != self._parameters.map_file:
-            self._next_map = _map_of(parameters)
+        self._map.check(parameters)
 
     def configure(self, parameters: Parameters) -> None:
         """Take new parameters, or another map, from the next frame on."""
-        if parameters.map_file != self._parameters.map_file:
-            raster_map = self._next_map or _map_of(parameters)
-            self._worker.when_free(partial(self._change_map, raster_map, parameters))
-            self._next_map = None
+        if self._map.change(parameters):
+            self._worker.when_free(partial(self._change_map, parameters))
         self._parameters = parameters
         self._health.limits = parameters.diagnostics
         self._worker.when_free(partial(self._dispatch.configure, parameters))
 
-    def _change_map(self, raster_map: RasterMap, parameters: Parameters) -> None:
-        self._dispatch.change_map(raster_map, parameters)
-        self._outputs.publish_map(raster_map)
-        self._health.fixed = _map_figures(raster_map)
-        self._say_hello(raster_map)
+    def _change_map(self, parameters: Parameters) -> None:
+        self._dispatch.change_map(self._map.raster_map, parameters)
+        self._outputs.publish_map(self._map.raster_map)
+        self._health.fixed = self._map.figures()
+        self._say_hello()
 
     def switch(self, on: bool) -> None:
         """Take images unless ~/enable forbids it, or ignore them."""
@@ -310,20 +304,3 @@ class Localization:
 
     def _now_ns(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)
-
-
-def _map_of(parameters: Parameters) -> RasterMap:
-    if not parameters.map_file:
-        raise ParameterError(
-            'parameter map_file: is empty, expected the path of a nav2 map YAML; '
-            'start with: --ros-args -p map_file:=/path/to/map.yaml'
-        )
-    return load_map(parameters.map_file)
-
-
-def _map_figures(raster_map: RasterMap) -> dict[str, str]:
-    rows, cols = raster_map.grey.shape
-    return {
-        'map_cells': f'{cols} x {rows}', 'map_resolution': f'{raster_map.resolution:g}',
-        'map_hash': map_hash(raster_map),
-    }
