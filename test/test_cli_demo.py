@@ -59,7 +59,7 @@ def test_the_demo_meets_its_bounds_and_writes_its_results(tmp_path, world):
 def test_no_process_and_no_results_remain_when_it_is_stopped(tmp_path, number):
     out = tmp_path / 'demo'
     demo = subprocess.Popen(
-        [*DEMO, '--seconds', '60', '--out', str(out)],
+        [*DEMO, '--world', 'tiles', '--seconds', '60', '--out', str(out)],  # quick to make
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )  # fmt: skip

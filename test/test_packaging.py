@@ -38,20 +38,29 @@ def sources(tmp_path_factory):
 
 
 @pytest.fixture(scope='module')
-def pip_prefix(sources, tmp_path_factory):
+def quick_compiler(tmp_path_factory):
+    """The environment of a GCC that does not optimize: what is built is shown, not its speed."""
+    path = tmp_path_factory.mktemp('compiler') / 'quick-gcc'
+    path.write_text('#!/bin/sh\nexec gcc "$@" -O0\n')
+    path.chmod(0o755)
+    return inherited(CC=path)
+
+
+@pytest.fixture(scope='module')
+def pip_prefix(sources, quick_compiler, tmp_path_factory):
     prefix = tmp_path_factory.mktemp('pip') / 'prefix'
     made = run([
         sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--no-build-isolation',
         '--no-index', '--ignore-installed', '--prefix', prefix, sources,
-    ])  # fmt: skip
+    ], env=quick_compiler)  # fmt: skip
     assert made.returncode == 0, made.stderr
     return prefix
 
 
 @pytest.fixture(scope='module')
-def colcon_prefix(sources):
+def colcon_prefix(sources, quick_compiler):
     workspace = sources.parents[1]
-    made = run([sys.executable, '-m', 'colcon', 'build'], cwd=workspace)
+    made = run([sys.executable, '-m', 'colcon', 'build'], cwd=workspace, env=quick_compiler)
     assert made.returncode == 0, made.stdout + made.stderr
     return workspace / 'install' / 'gip_localizer'
 
