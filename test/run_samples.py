@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.evaluation.run import FrameExhibit, Run
+from gip_localizer.evaluation.run import FrameExhibit, Run, Surface
 from gip_localizer.io.trajectory import Trajectory
 from gip_localizer.parameters import Parameters
 
@@ -60,8 +60,8 @@ def noisy_run(count: int = 60, *, seed: int = 5, scale: float = 1.0, withheld: i
     grey = (rng.random((300, 300)) * 255).astype(np.uint8)
     exhibit = FrameExhibit('frame at 1.0 s', EPOCH, {
         'camera image': grey[:60, :80], 'colour': np.zeros((5, 5, 3), np.uint8),
-        'score surface': np.where(np.eye(9) > 0, np.nan, 1.0),
-    })
+        'score surface': Surface(np.where(np.eye(9) > 0, np.nan, 1.0), 0.45, 0.45, 0.5),
+    }, why='Rank 1 of 1.')
     settings: dict[str, Any] = {
         'title': 'A <run>', 'estimates': frames, 'parameters': Parameters(), 'truth': truth,
         'raster_map': RasterMap(grey, 0.1, Pose2(-15.0, -15.0, 0.0)), 'exhibits': [exhibit],

@@ -95,3 +95,24 @@ def test_ellipses_are_enlarged_by_the_factor_that_is_said(sigma):
     factor = int(said.group(1)) if said else 1
     drawn = axes.collections[0].get_widths()
     np.testing.assert_allclose(drawn, 2 * np.sqrt(5.991464547) * sigma * factor, rtol=1e-6)
+
+
+def test_worst_frames_and_charts_are_explained():
+    text, _ = page_of(noisy_run())
+    assert 'Rank 1 of 1.' in text
+    assert 'normalized estimation error squared' in text
+
+
+def test_a_score_surface_has_axes_with_units():
+    _, page = page_of(noisy_run())
+    drawing = base64.b64decode(page.images['score surface'].split(',')[1]).decode()
+    assert page.images['score surface'].startswith('data:image/svg')
+    assert all(words in drawing for words in ('ahead [m]', 'left [m]', 'correlation'))
+
+
+def test_cells_without_a_map_are_unlike_paint():
+    run = noisy_run()
+    axes = map_figure(run, tabulate_errors(run.estimates, run.truth)).axes[0]
+    red, green, blue, _ = axes.images[0].cmap.get_bad()
+    assert blue > red + 0.1
+    assert blue > green + 0.1

@@ -14,6 +14,7 @@ from run_samples import EPOCH, noisy_run
 from gip_localizer.errors import OutputError
 from gip_localizer.evaluation.results import write_results
 from gip_localizer.io.bags.bag import Bag
+from gip_localizer.io.map_files import load_map
 from gip_localizer.io.tum_files import read_tum
 from gip_localizer.parameters import load_parameter_file, Parameters
 
@@ -136,3 +137,12 @@ def test_thin_runs_have_valid_folders(tmp_path, changes):
     metrics = write_results(tmp_path / 'out', noisy_run(**changes))
     assert metrics['frames'] in (0, 1, 60)
     assert (tmp_path / 'out' / 'ground_truth.tum').exists() is ('truth' not in changes)
+
+
+def test_a_map_that_only_the_run_has_is_kept_and_named(tmp_path):
+    out = tmp_path / 'out'
+    metrics = write_results(out, noisy_run(keep_map=True))
+    assert names(out) == {*FILES, 'map.yaml', 'map.png'}
+    named = load_parameter_file(out / 'params.yaml').map_file
+    assert named == metrics['config']['parameters']['map_file'] == str(out / 'map.yaml')
+    assert load_map(named).grey.shape == (300, 300)

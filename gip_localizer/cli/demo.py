@@ -132,7 +132,7 @@ def _watch(nodes: NodeProcesses, observer: DemoObserver, seconds: float) -> floa
         while (elapsed := time.monotonic() - began) < seconds:
             nodes.check()
             observer.listen_for(min(TICK, seconds - elapsed))
-            error, latency = received.error_m(), received.latency_ms()
+            error, latency = received.newest_error_m(), received.latency_ms()
             bar.set_postfix_str(
                 f'{len(received.poses)}/{len(received.truth)} frames'
                 + (f', error {1e3 * error:.0f} mm' if error is not None else '')

@@ -11,11 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gip_localizer.core.estimate import Status
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.evaluation.metrics import look_up
 from gip_localizer.io.trajectory import Trajectory
 
-PUBLISHED, WITHHELD = 'published', 'withheld'
+NO_ANSWER = 'NO_POSE'
+"""Status of a frame without a pose of which the diagnostics say nothing: it may be lost on its
+way."""
+STATUSES = {str(status) for status in Status}
 
 
 class Bound(NamedTuple):
@@ -92,13 +96,17 @@ class ReceivedMessages:
     poses: dict[int, tuple[Pose2, NDArray[np.float64], float]] = field(default_factory=dict)
     diagnostics: list[tuple[int, str]] = field(default_factory=list)
 
-    def error_m(self) -> float | None:
+    def error_m(self, stamp: int) -> float | None:
+        """Return the position error of a frame, metres; None if pose or truth is not known."""
+        if stamp not in self.poses or stamp not in self.truth:
+            return None
+        apart = difference(self.poses[stamp][0], self.truth[stamp])
+        return float(np.hypot(apart[0], apart[1]))
+
+    def newest_error_m(self) -> float | None:
         """Return the position error of the newest pose, metres."""
-        for stamp in reversed(self.poses):
-            if stamp in self.truth:
-                apart = difference(self.poses[stamp][0], self.truth[stamp])
-                return float(np.hypot(apart[0], apart[1]))
-        return None
+        errors = (self.error_m(stamp) for stamp in reversed(self.poses))
+        return next((error for error in errors if error is not None), None)
 
     def latency_ms(self) -> float | None:
         """Return the median latency of the poses, milliseconds."""
@@ -116,6 +124,16 @@ class ReceivedMessages:
     def _frame(self, stamp: int) -> ReceivedFrame:
         if stamp not in self.poses:
             reasons = (message for when, message in self.diagnostics if when >= stamp)
-            return ReceivedFrame(stamp, None, None, WITHHELD, next(reasons, ''))
+            return ReceivedFrame(stamp, None, None, *_status_and_reason(next(reasons, '')))
         pose, covariance, latency = self.poses[stamp]
-        return ReceivedFrame(stamp, pose, covariance, PUBLISHED, timings_ms={'total': latency})
+        return ReceivedFrame(
+            stamp, pose, covariance, str(Status.TRACKING), timings_ms={'total': latency}
+        )
+
+
+def _status_and_reason(message: str) -> tuple[str, str]:
+    """Return the status that a message of the group `output` begins with, and the rest."""
+    word, _, reason = message.partition(': ')
+    if word in STATUSES:
+        return word, reason
+    return NO_ANSWER, message or 'neither a pose nor a diagnostic message of this frame arrived'

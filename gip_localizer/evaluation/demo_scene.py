@@ -66,6 +66,7 @@ class DemoScene:
             title=f'Demo: {Path(self.camera.world.name).stem}, three processes over DDS',
             estimates=received.frames(), parameters=self.localizer, truth=received.trajectory(),
             raster_map=self.raster_map, exhibits=exhibits, wall_seconds=seconds, sources=sources,
+            keep_map=True,
         )  # fmt: skip
 
 

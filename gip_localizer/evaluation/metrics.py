@@ -178,7 +178,7 @@ TABLE = (
     ('p95_xy_m', 'position error, 95th percentile', 'mm', 1e3, '.1f'),
     ('max_xy_m', 'position error, largest', 'mm', 1e3, '.1f'),
     ('wrong_published', 'wrong poses published', '', 1.0, '.0f'),
-    ('nees_mean', 'NEES, mean (consistent: 3)', '', 1.0, '.2f'),
+    ('nees_mean', 'NEES, mean: error² over covariance (consistent: 3)', '', 1.0, '.2f'),
     ('coverage_95', 'truth inside the 95 % ellipse', '%', 100.0, '.1f'),
     ('camera_motion.pitch_deg', 'pitch from calibration, mean', 'deg', 1.0, '+.3f'),
     ('camera_motion.roll_deg', 'roll from calibration, mean', 'deg', 1.0, '+.3f'),

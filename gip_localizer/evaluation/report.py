@@ -18,13 +18,31 @@ from numpy.typing import NDArray
 
 from gip_localizer.evaluation.error_table import ErrorTable
 from gip_localizer.evaluation.metrics import latencies_ms, Metrics, table_rows
-from gip_localizer.evaluation.report_figures import error_figure, latency_figure, nees_figure
+from gip_localizer.evaluation.report_figures import (
+    error_figure,
+    latency_figure,
+    nees_figure,
+    surface_figure,
+)
 from gip_localizer.evaluation.report_map import map_figure
-from gip_localizer.evaluation.run import FrameExhibit, Run
+from gip_localizer.evaluation.run import FrameExhibit, Run, Surface
 from gip_localizer.visualization.style import STYLE
 
 MAX_PICTURE_SIDE = 480
 """Largest side of a picture in the report, px; chosen."""
+READABLE = STYLE | {'font.size': 10.0}
+"""Settings of charts that are also read on a telephone, 390 px wide; chosen."""
+MAP, ERRORS, CONSISTENCY = 'Map', 'Error over time', 'Consistency: NEES over time'
+EXPLANATIONS = {
+    MAP: 'Dark blue: not on the map. The ellipses hold the true position in 95 % of the frames if '
+         'the covariances are right.',
+    ERRORS: 'In the axes of the vehicle. The band is three reported standard deviations; '
+            'errors should stay inside it.',
+    CONSISTENCY: 'NEES (normalized estimation error squared): the squared error of x, y and yaw '
+                 'divided by the reported covariance. Its mean is 3 if the covariances are right; '
+                 'more means that they promise too much, less too little.',
+}
+"""Caption of a chart → how it is read."""
 
 
 def render_report(run: Run, metrics: Metrics, table: ErrorTable) -> str:
@@ -51,6 +69,7 @@ def render_report(run: Run, metrics: Metrics, table: ErrorTable) -> str:
         metrics=metrics,
         rows=table_rows(metrics),
         figures=_figures(run, table),
+        explanations=EXPLANATIONS,
         exhibits=[_exhibit(exhibit) for exhibit in run.exhibits],
         parameters=run.parameters.to_dict(),
     )
@@ -66,13 +85,13 @@ def template(name: str) -> jinja2.Template:
 def _figures(run: Run, table: ErrorTable) -> dict[str, str]:
     """Return caption → figure, in the order of the page; figures without data are left out."""
     figures: dict[str, str] = {}
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(READABLE):
         if len(table.stamps_ns) or run.truth is not None:
-            figures['Map'] = figure_uri(map_figure(run, table))
+            figures[MAP] = figure_uri(map_figure(run, table))
         if table.judged.any():
-            figures['Error over time'] = figure_uri(error_figure(table))
+            figures[ERRORS] = figure_uri(error_figure(table))
         if np.isfinite(table.nees).any():
-            figures['Consistency: NEES over time'] = figure_uri(nees_figure(table))
+            figures[CONSISTENCY] = figure_uri(nees_figure(table))
         latencies = latencies_ms(run.estimates)
         if len(latencies):
             figures['Latency'] = figure_uri(latency_figure(latencies))
@@ -80,20 +99,25 @@ def _figures(run: Run, table: ErrorTable) -> dict[str, str]:
 
 
 def figure_uri(figure: Figure) -> str:
-    """Return a figure as SVG in a data URI."""
+    """Return a figure as SVG in a data URI, with a margin about all that is drawn."""
     buffer = BytesIO()
-    figure.savefig(buffer, format='svg', metadata={'Date': None})
+    figure.savefig(buffer, format='svg', metadata={'Date': None}, bbox_inches='tight')
     return _uri('svg+xml', buffer.getvalue())
 
 
 def _exhibit(exhibit: FrameExhibit) -> dict[str, Any]:
-    pictures = {caption: _png_uri(image) for caption, image in exhibit.images.items()}
-    return {'title': exhibit.title, 'pictures': pictures}
+    pictures = {caption: _picture_uri(picture) for caption, picture in exhibit.images.items()}
+    return {'title': exhibit.title, 'why': exhibit.why, 'pictures': pictures}
+
+
+def _picture_uri(picture: NDArray[Any] | Surface) -> str:
+    if isinstance(picture, Surface):
+        with mpl.rc_context(READABLE):
+            return figure_uri(surface_figure(picture))
+    return _png_uri(picture)
 
 
 def _png_uri(image: NDArray[Any]) -> str:
-    if image.dtype != np.uint8:
-        image = _coloured(np.asarray(image, np.float64))
     if image.ndim == 3:
         image = image[..., ::-1]
     scale = MAX_PICTURE_SIDE / max(image.shape[:2])
@@ -103,16 +127,6 @@ def _png_uri(image: NDArray[Any]) -> str:
     _, png = cv2.imencode('.png', cv2.resize(np.ascontiguousarray(image), size,
                                              interpolation=how))
     return _uri('png', png.tobytes())
-
-
-def _coloured(values: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Colour a surface from its least to its largest finite value; other cells are light grey."""
-    finite = np.isfinite(values)
-    low, high = (values[finite].min(), values[finite].max()) if finite.any() else (0.0, 1.0)
-    share = np.where(finite, (values - low) / max(high - low, 1e-300), 0.0)
-    rgb = (mpl.colormaps['viridis'](share)[..., :3] * 255.0).round().astype(np.uint8)
-    rgb[~finite] = 235
-    return rgb
 
 
 def _uri(kind: str, content: bytes) -> str:

@@ -10,13 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gip_localizer.evaluation.error_table import ErrorTable
+from gip_localizer.evaluation.run import Surface
 from gip_localizer.visualization.style import BAND, ESTIMATE, TRUTH, WRONG
 
 Floats = NDArray[np.float64]
 NEES_95 = (0.2157952826238981, 9.348403604496145)
 """2.5 % and 97.5 % quantiles of the chi-square law with 3 degrees of freedom (no unit)."""
-SIZE = (4.8, 4.6)
+SIZE = (4.8, 4.2)
 """Width and height of a chart, inches; chosen."""
+SMALL = (3.4, 2.7)
+"""Width and height of a score surface, inches; chosen."""
 
 
 def seconds(table: ErrorTable) -> Floats:
@@ -40,14 +43,14 @@ def error_figure(table: ErrorTable) -> Figure:
         axes.set_ylabel(label)
         _limit(axes, error, 3 * sigma)
         _mark_withheld(axes, table)
-    panels[0].legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=8)
+    panels[0].legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=9)
     panels[-1].set_xlabel('time since the first frame [s]')
     return figure
 
 
 def nees_figure(table: ErrorTable) -> Figure:
     """Draw NEES over time, with the band that holds 95 % of frames with true covariances."""
-    figure = Figure(figsize=(SIZE[0], 3.2))
+    figure = Figure(figsize=(SIZE[0], 2.7))
     axes = figure.subplots()
     time, order = _in_time(table)
     nees = np.maximum(table.nees[order], 1e-3)
@@ -58,20 +61,34 @@ def nees_figure(table: ErrorTable) -> Figure:
     if len(known):
         axes.axhline(known.mean(), color=WRONG, ls='--', lw=1.0, label=f'mean {known.mean():.2f}')
     axes.set(yscale='log', xlabel='time since the first frame [s]', ylabel='NEES')
-    axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=8)
+    axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=9)
     return figure
 
 
 def latency_figure(latencies: Floats) -> Figure:
     """Draw the histogram of latencies (ms) with p50, p95 and p99."""
-    figure = Figure(figsize=(SIZE[0], 3.2))
+    figure = Figure(figsize=(SIZE[0], 2.4))
     axes = figure.subplots()
     axes.hist(latencies, bins=min(40, max(5, len(latencies) // 4)), color=ESTIMATE, alpha=0.8)
     for percent, style in ((50, '-'), (95, '--'), (99, ':')):
         value = float(np.percentile(latencies, percent))
         axes.axvline(value, color=WRONG, ls=style, lw=1.2, label=f'p{percent} {value:.1f} ms')
     axes.set(xlabel='latency of a frame [ms]', ylabel='frames')
-    axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=8)
+    axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=9)
+    return figure
+
+
+def surface_figure(surface: Surface) -> Figure:
+    """Draw the correlation over the offsets from the centre of the search window."""
+    figure = Figure(figsize=SMALL)
+    axes = figure.subplots()
+    axes.grid(False)
+    picture = axes.imshow(
+        surface.values, cmap='viridis', interpolation='nearest', aspect='equal',
+        extent=(surface.left_m, -surface.left_m, -surface.ahead_m, surface.ahead_m),
+    )
+    axes.set(xlabel='left [m]', ylabel='ahead [m]')
+    figure.colorbar(picture, label='correlation')
     return figure
 
 

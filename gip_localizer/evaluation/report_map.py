@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
@@ -13,10 +14,13 @@ from numpy.typing import NDArray
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.evaluation.error_table import ELLIPSE_95, ErrorTable
 from gip_localizer.evaluation.run import Run
+from gip_localizer.visualization.match_images import NO_DATA
 from gip_localizer.visualization.style import ESTIMATE, TRUTH, WRONG
 
 Floats = NDArray[np.float64]
 ELLIPSE = '#e07a00'
+NO_MAP = '#' + bytes(reversed(NO_DATA)).hex()
+"""Colour where there is no map."""
 PIXELS = 700
 """Pixels along the larger side of the background; chosen."""
 MAX_SMOOTHED_CELLS = 2e7
@@ -29,7 +33,7 @@ def map_figure(run: Run, table: ErrorTable) -> Figure:
     """Draw the paths over the map, with ellipses enlarged by the factor in the title."""
     box = _box(run, table)
     height = 4.6 * (box[3] - box[1]) / max(box[2] - box[0], 1e-9)
-    figure = Figure(figsize=(5.4, min(max(height, 1.4), 5.6) + 1.0))
+    figure = Figure(figsize=(4.8, min(max(height, 1.4), 5.6) + 1.0))
     axes = figure.subplots()
     axes.grid(False)
     if run.raster_map is not None:
@@ -43,8 +47,9 @@ def map_figure(run: Run, table: ErrorTable) -> Figure:
     factor = _draw_ellipses(axes, run, table, box)
     label = '' if factor is None else f'95 % ellipses, {factor} times enlarged'
     axes.set(xlim=box[::2], ylim=box[1::2], aspect='equal', xlabel='x [m]', ylabel='y [m]')
-    axes.set_title(label if factor != 1 else '95 % ellipses at true size', loc='right', fontsize=8)
-    axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=8)
+    axes.set_title(label if factor != 1 else '95 % ellipses at true size', loc='right', fontsize=9,
+                   pad=22.0)
+    axes.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=9)
     return figure
 
 
@@ -75,10 +80,12 @@ def _draw_background(axes: Axes, raster_map: RasterMap,
     if (right - left) * (top - bottom) / raster_map.resolution**2 <= MAX_SMOOTHED_CELLS:
         source = raster_map.crop(points[[0, len(x) - 1, -len(x), -1]], margin=0.0, cell=pixel)
     if source is None:
+        axes.set_facecolor(NO_MAP)
         return
     grey, known = source.sample(points)
     picture = np.where(known, grey, np.nan).reshape(len(y), len(x))
-    axes.imshow(picture, cmap='gray', extent=(left, right, bottom, top), alpha=0.75,
+    colours = mpl.colormaps['gray'].with_extremes(bad=NO_MAP)
+    axes.imshow(picture, cmap=colours, extent=(left, right, bottom, top), alpha=0.75,
                 vmin=np.nanpercentile(picture, 0.5) if known.any() else 0.0,
                 vmax=np.nanpercentile(picture, 99.5) if known.any() else 1.0)
 

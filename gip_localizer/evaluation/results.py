@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import json
 from pathlib import Path
 
@@ -16,12 +17,13 @@ from gip_localizer.evaluation.metrics import compute_metrics, Metrics
 from gip_localizer.evaluation.published_bag import write_published
 from gip_localizer.evaluation.report import render_report
 from gip_localizer.evaluation.run import Run
+from gip_localizer.io.map_files import save_map
 from gip_localizer.io.output_folder import check_folder, fresh_folder
 from gip_localizer.io.trajectory import Trajectory
 from gip_localizer.io.tum_files import write_tum
 from gip_localizer.parameters import dump_parameter_file
 
-METRICS_FILE = 'metrics.json'
+METRICS_FILE, MAP_FILE = 'metrics.json', 'map.yaml'
 
 
 def check_output(out: Path | str, force: bool) -> None:
@@ -53,6 +55,9 @@ def write_results(out: Path | str, run: Run, force: bool = False) -> Metrics:
         The folder must not be replaced, or writing fails; nothing is left behind then.
 
     """
+    if run.keep_map:
+        named = Path(out).absolute() / MAP_FILE
+        run = replace(run, parameters=run.parameters.replace({'map_file': str(named)}))
     metrics = compute_metrics(run)
     with fresh_folder(out, force=force, mark=METRICS_FILE) as folder:
         _fill(folder, run, metrics)
@@ -71,6 +76,8 @@ def _fill(folder: Path, run: Run, metrics: Metrics) -> None:
     text = json.dumps(metrics, indent=2, allow_nan=False, default=str)
     (folder / METRICS_FILE).write_text(text + '\n', encoding='utf-8')
     (folder / 'params.yaml').write_text(dump_parameter_file(run.parameters), encoding='utf-8')
+    if run.keep_map and run.raster_map is not None:
+        save_map(run.raster_map, folder / MAP_FILE)
     write_published(folder / 'published.mcap', run)
     table = tabulate_errors(run.estimates, run.truth, run.wrong)
     (folder / 'frames.csv').write_text(frame_table(run, table), encoding='utf-8')

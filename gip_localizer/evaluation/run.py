@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+import numpy as np
 from numpy.typing import NDArray
 
 from gip_localizer.core.map.raster_map import RasterMap
@@ -54,6 +55,28 @@ class FrameResult(Protocol):
         """Time in milliseconds by stage."""
 
 
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """
+    A score surface, which the report draws with axes.
+
+    Attributes
+    ----------
+    values : (rows, cols) float64
+        Correlation; the first row is farthest ahead, the first column farthest left. NaN: none.
+    ahead_m, left_m : float
+        Half of its extent, metres.
+    heading_deg : float
+        Heading relative to the centre of the search window, degrees.
+
+    """
+
+    values: NDArray[np.float64]
+    ahead_m: float
+    left_m: float
+    heading_deg: float
+
+
 @dataclass(frozen=True)
 class FrameExhibit:
     """
@@ -65,16 +88,17 @@ class FrameExhibit:
         Heading above the pictures.
     stamp_ns : int
         Stamp of the frame.
-    images : dict of str to array
-        Caption → picture. A picture is uint8 (h, w) or (h, w, 3) RGB and shown unchanged. Other
-        two-dimensional arrays are scaled from their least to their largest finite value and
-        coloured.
+    images : dict of str to array or Surface
+        Caption → picture: uint8 (h, w) or (h, w, 3) RGB, shown unchanged, or a score surface.
+    why : str
+        Why this frame is shown, one sentence.
 
     """
 
     title: str
     stamp_ns: int
-    images: Mapping[str, NDArray[Any]]
+    images: Mapping[str, NDArray[Any] | Surface]
+    why: str = ''
 
 
 @dataclass(frozen=True)
@@ -106,6 +130,8 @@ class Run:
         Notes for the reader, for example on skipped topics or truncated input.
     wrong : WrongBounds
         Errors above which a published pose counts as wrong.
+    keep_map : bool
+        True: the map exists for this run only, and is written into the results folder.
 
     """
 
@@ -120,3 +146,4 @@ class Run:
     sources: Mapping[str, Any] = field(default_factory=dict)
     notes: Sequence[str] = ()
     wrong: WrongBounds = DEFAULT_BOUNDS
+    keep_map: bool = False

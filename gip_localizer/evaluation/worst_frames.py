@@ -1,10 +1,12 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of the worst frames, collected during a run."""
+"""Which frames a report shows: the worst of each kind, collected during a run, and why."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 import heapq
 import math
 from typing import Any
@@ -12,76 +14,51 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gip_localizer.core.arrays import Bools
 from gip_localizer.core.estimate import Estimate
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.match.lattice import map_window
-from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.evaluation.error_table import tabulate_errors
+from gip_localizer.evaluation.exhibits import frame_exhibit
 from gip_localizer.evaluation.run import FrameExhibit
 from gip_localizer.io.trajectory import Trajectory
-from gip_localizer.visualization.match_images import Picture, stretched
 
-UNKNOWN = 235
-"""Grey, 0 to 255, of cells that were not seen or are not on the map; chosen."""
-
-
-def frame_exhibit(title: str, image: NDArray[Any] | None, estimate: Estimate,
-                  raster_map: RasterMap) -> FrameExhibit:
-    """
-    Return the pictures of one frame, for all stages that its match reached.
-
-    Parameters
-    ----------
-    title : str
-        Heading of the pictures.
-    image : (height, width) array or None
-        Grey camera image.
-    estimate : Estimate
-        Estimate with its `match`.
-    raster_map : RasterMap
-        Map from which the matched window is cut.
-
-    """
-    pictures: dict[str, NDArray[Any]] = {}
-    if image is not None:
-        pictures['camera image'] = stretched(np.asarray(image, np.float32), np.isfinite(image))
-    match = estimate.match
-    if match is None:
-        return FrameExhibit(title, estimate.stamp_ns, pictures)
-    view = match.view
-    pictures['bird\'s-eye view'] = _picture(view.patch, view.valid)
-    pose = _matched_pose(estimate)
-    if pose is not None:
-        window, known = map_window(raster_map, view.grid, pose)
-        pictures['matched map window'] = _picture(window, view.valid & (known > 0.0))
-    if match.scores is not None:
-        best = match.scores.best()[0]
-        pictures['score surface (ahead is up)'] = np.asarray(
-            match.scores.correlation[best], np.float64
-        )
-    return FrameExhibit(title, estimate.stamp_ns, pictures)
+ERRORS, NEES = 3, 2
+"""Number of frames shown for their error (or reported σ), and for their NEES; chosen."""
+STATUSES = 4
+"""Largest number of statuses of withheld frames of which the first frame is shown; chosen."""
+ERROR, SIGMA, CONSISTENCY = 'position error', 'reported standard deviation', 'NEES'
 
 
-def _matched_pose(estimate: Estimate) -> Pose2 | None:
-    match = estimate.match
-    if match is not None and match.fit is not None:
-        return match.fit.pose
-    if match is not None and match.scores is not None:
-        return match.scores.lattice.pose(np.array(match.scores.best(), np.float64))
-    return estimate.pose
+@dataclass
+class Ranking:
+    """The frames with the largest values so far."""
 
+    count: int
+    kept: list[tuple[float, int, FrameExhibit]] = field(default_factory=list)
+    seen: int = 0
 
-def _picture(values: NDArray[Any], valid: Bools) -> Picture:
-    """Return grey stretched where it is valid; other cells are light."""
-    return np.where(valid, stretched(values, valid), UNKNOWN).astype(np.uint8)
+    def wants(self, value: float) -> bool:
+        """Tell whether a value is among the largest; counts it."""
+        self.seen += 1
+        return len(self.kept) < self.count or value > self.kept[0][0]
+
+    def keep(self, value: float, number: int, exhibit: FrameExhibit) -> None:
+        """Keep a frame; the smallest of the kept ones leaves if there are too many."""
+        heapq.heappush(self.kept, (value, -number, exhibit))
+        if len(self.kept) > self.count:
+            heapq.heappop(self.kept)
+
+    def largest_first(self) -> list[FrameExhibit]:
+        """Return the kept frames."""
+        ranked = sorted(self.kept, key=lambda entry: (-entry[0], -entry[1]))
+        return [exhibit for _, _, exhibit in ranked]
 
 
 class WorstFrames:
     """
     Keeps the pictures of the worst frames so far.
 
-    Published frames are ranked by their error or, without ground truth, by their reported σ.
-    Withheld frames rank behind all published ones.
+    These are the published frames with the largest errors (without ground truth: the largest
+    reported σ), further ones with the largest NEES, and the first withheld frame of each status.
 
     Parameters
     ----------
@@ -89,16 +66,16 @@ class WorstFrames:
         Ground truth.
     raster_map : RasterMap
         Map for the matched windows.
-    count : int
-        Number of frames to keep.
 
     """
 
-    def __init__(self, truth: Trajectory | None, raster_map: RasterMap, count: int = 5) -> None:
+    def __init__(self, truth: Trajectory | None, raster_map: RasterMap) -> None:
         self._truth = truth
         self._map = raster_map
-        self._count = count
-        self._heap: list[tuple[float, int, FrameExhibit]] = []
+        self._rankings = {ERROR: Ranking(ERRORS), SIGMA: Ranking(ERRORS),
+                          CONSISTENCY: Ranking(ERRORS + NEES)}
+        self._withheld: dict[str, FrameExhibit] = {}
+        self._statuses: Counter[str] = Counter()
         self._seen = 0
         self._start_ns: int | None = None
 
@@ -107,31 +84,66 @@ class WorstFrames:
         self._seen += 1
         if self._start_ns is None:
             self._start_ns = estimate.stamp_ns
-        badness, words = self._judge(estimate)
-        if len(self._heap) == self._count and badness <= self._heap[0][0]:
+        status = str(estimate.status)
+        if estimate.pose is None:
+            self._statuses[status] += 1
+            if self._statuses[status] == 1 and len(self._withheld) < STATUSES:
+                words = f'{status}, {estimate.reason}'.rstrip(', ')
+                self._withheld[status] = self._exhibit(words, image, estimate)
             return
-        seconds = (estimate.stamp_ns - self._start_ns) * 1e-9
-        title = f'Frame {self._seen}, {seconds:.2f} s: {words}'
-        entry = (badness, self._seen, frame_exhibit(title, image(), estimate, self._map))
-        if len(self._heap) < self._count:
-            heapq.heappush(self._heap, entry)
-        else:
-            heapq.heapreplace(self._heap, entry)
+        figures = self._figures(estimate)
+        wanted = [name for name, value in figures.items() if self._rankings[name].wants(value)]
+        if wanted:
+            exhibit = self._exhibit(_in_words(status, figures), image, estimate)
+            for name in wanted:
+                self._rankings[name].keep(figures[name], self._seen, exhibit)
 
     def exhibits(self) -> list[FrameExhibit]:
-        """Return the kept frames, the worst first."""
-        return [exhibit for _, _, exhibit in sorted(self._heap, key=lambda e: (-e[0], e[1]))]
+        """Return the kept frames: of the largest errors first, withheld ones last."""
+        errors = self._rankings[ERROR]
+        first = ERROR if errors.seen else SIGMA
+        shown = self._explained(first, ERRORS, ())
+        shown += self._explained(CONSISTENCY, NEES, shown)
+        return shown + [
+            replace(exhibit, why=f'First of {self._statuses[status]} frames with {status}.')
+            for status, exhibit in self._withheld.items()
+        ]
 
-    def _judge(self, estimate: Estimate) -> tuple[float, str]:
-        if estimate.pose is None:
-            return -1.0, f'{estimate.status}, {estimate.reason}'.rstrip(', ')
-        if self._truth is not None:
-            true = self._truth.at(np.array([estimate.stamp_ns]))[0]
-            if np.isfinite(true).all():
-                error = difference(estimate.pose, Pose2(*(float(v) for v in true)))
-                off = math.hypot(error[0], error[1])
-                return off, f'error {1e3 * off:.1f} mm, {math.degrees(error[2]):+.3f} deg'
-        if estimate.covariance is None:
-            return 0.0, 'covariance unknown'
-        sigma = math.sqrt(max(float(np.trace(estimate.covariance[:2, :2])), 0.0))
-        return sigma * 1e-3, f'reported sigma {1e3 * sigma:.1f} mm'
+    def _explained(
+        self, name: str, count: int, shown: list[FrameExhibit] | tuple[()]
+    ) -> list[FrameExhibit]:
+        """Return frames of a ranking that are not shown yet, with their rank."""
+        ranking = self._rankings[name]
+        known = {exhibit.title for exhibit in shown}
+        return [
+            replace(exhibit, why=f'Rank {rank} of {ranking.seen} published frames by {name}.')
+            for rank, exhibit in enumerate(ranking.largest_first(), start=1)
+            if exhibit.title not in known
+        ][:count]
+
+    def _exhibit(
+        self, words: str, image: Callable[[], NDArray[Any] | None], estimate: Estimate
+    ) -> FrameExhibit:
+        assert self._start_ns is not None
+        seconds = (estimate.stamp_ns - self._start_ns) * 1e-9
+        title = f'Frame {self._seen}, {seconds:.2f} s: {words}'
+        return frame_exhibit(title, image(), estimate, self._map)
+
+    def _figures(self, estimate: Estimate) -> dict[str, float]:
+        """Return the figures by which a published frame is ranked."""
+        table = tabulate_errors([estimate], self._truth)
+        values = {ERROR: float(table.xy[0]), CONSISTENCY: float(table.nees[0])}
+        if not math.isfinite(values[ERROR]):
+            values[SIGMA] = float(np.hypot(table.sigma[0, 0], table.sigma[0, 1]))
+        return {name: value for name, value in values.items() if math.isfinite(value)}
+
+
+def _in_words(status: str, figures: dict[str, float]) -> str:
+    words = [status]
+    if ERROR in figures:
+        words.append(f'error {1e3 * figures[ERROR]:.1f} mm')
+    if SIGMA in figures:
+        words.append(f'reported sigma {1e3 * figures[SIGMA]:.1f} mm')
+    if CONSISTENCY in figures:
+        words.append(f'NEES {figures[CONSISTENCY]:.1f}')
+    return ', '.join(words)

@@ -25,12 +25,14 @@ from gip_localizer.io.messages import planar_pose, stamp_ns
 
 PICTURES = {
     'image': 'camera image',
-    'localizer/birdseye': "bird's-eye view, mean per cell",
-    'localizer/comparison': 'view, matched map window, and both',
+    'localizer/comparison': "bird's-eye view, map at the matched pose, and both (dark blue: not "
+                            'seen, or not on the map)',
     'localizer/overlay': 'the map drawn into the camera image',
 }
 KEPT_FRAMES = 3
 """Stamps for which pictures are held while waiting for their companions."""
+SHOWN = 3
+"""Number of frames that the report shows; chosen."""
 
 
 class DemoObserver:
@@ -47,7 +49,8 @@ class DemoObserver:
     def __init__(self) -> None:
         self.received = ReceivedMessages()
         self._pictures: dict[int, dict[str, NDArray[Any]]] = {}
-        self._complete: tuple[int, dict[str, NDArray[Any]]] | None = None
+        self._complete: dict[int, dict[str, NDArray[Any]]] = {}
+        self._completed = 0
 
     def __enter__(self) -> DemoObserver:
         """Join the graph."""
@@ -86,12 +89,36 @@ class DemoObserver:
             )
 
     def exhibits(self) -> list[FrameExhibit]:
-        """Return the newest frame of which all pictures came; none before `look`."""
-        if self._complete is None:
-            return []
-        stamp, pictures = self._complete
-        images = {caption: pictures[topic] for topic, caption in PICTURES.items()}
-        return [FrameExhibit('One frame of the run', stamp, images)]
+        """Return the frames with the largest errors of those whose pictures all came."""
+        return [
+            FrameExhibit(
+                self._title(stamp), stamp,
+                {caption: self._complete[stamp][topic] for topic, caption in PICTURES.items()},
+                f'Rank {rank} of {self._completed} frames by position error, of those whose '
+                'pictures all arrived.',
+            )
+            for rank, stamp in enumerate(self._by_error()[:SHOWN], start=1)
+        ]
+
+    def _by_error(self) -> list[int]:
+        """Return the stamps of complete pictures, the largest error first."""
+        errors = {stamp: self.received.error_m(stamp) or 0.0 for stamp in self._complete}
+        return sorted(errors, key=lambda stamp: (-errors[stamp], stamp))
+
+    def _title(self, stamp: int) -> str:
+        stamps = sorted(self.received.truth)
+        error = self.received.error_m(stamp)
+        seconds = (stamp - stamps[0]) * 1e-9 if stamps else 0.0
+        words = 'no pose' if error is None else f'error {1e3 * error:.1f} mm'
+        return f'Frame at {seconds:.2f} s: {words}'
+
+    def _keep_worst(self, stamp: int, pictures: dict[str, NDArray[Any]]) -> None:
+        """Keep a frame's pictures, whose pose may still come; the best frame makes room."""
+        self._complete[stamp] = pictures
+        self._completed += 1
+        if len(self._complete) > SHOWN + KEPT_FRAMES:
+            settled = sorted(self._complete)[:-KEPT_FRAMES]
+            del self._complete[[s for s in self._by_error() if s in settled][-1]]
 
     def _on_truth(self, message: PoseStamped) -> None:
         self.received.truth[stamp_ns(message.header)] = planar_pose(message.pose)
@@ -117,7 +144,7 @@ class DemoObserver:
             pictures = self._pictures.setdefault(stamp, {})
             pictures[topic] = _pixels(message)
             if len(pictures) == len(PICTURES):
-                self._complete = (stamp, pictures)
+                self._keep_worst(stamp, pictures)
             for old in sorted(self._pictures)[:-KEPT_FRAMES]:
                 del self._pictures[old]
 

@@ -56,12 +56,13 @@ def comparison_picture(raster_map: RasterMap, view: View, pose: Pose2) -> Pictur
     both = np.dstack([mapped, mapped, seen])
     gap = np.full((view.grid.rows, GAP, 3), 255, np.uint8)
     parts = [
-        _painted(np.dstack([seen] * 3), view.valid), gap,
-        _painted(np.dstack([mapped] * 3), known), gap,
-        _painted(both, known & view.valid),
+        painted(np.dstack([seen] * 3), view.valid), gap,
+        painted(np.dstack([mapped] * 3), known), gap,
+        painted(both, known & view.valid),
     ]  # fmt: skip
     return np.hstack(parts)
 
 
-def _painted(picture: Picture, valid: Bools) -> Picture:
+def painted(picture: Picture, valid: Bools) -> Picture:
+    """Return blue, green, red with the cells that are not valid in `NO_DATA`, unlike any paint."""
     return np.where(valid[:, :, None], picture, np.array(NO_DATA, np.uint8)).astype(np.uint8)
