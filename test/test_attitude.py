@@ -34,10 +34,10 @@ def test_a_tilt_survives_its_quaternion(roll, pitch, yaw):
 
 def test_the_source_is_followed_once_it_has_spoken_and_others_are_not():
     source = AttitudeSource(Attitude(source='odom', z=5.0, roll=0.1, pitch=0.2))
-    source.hear('initialpose', pose(Tilt(90.0, 0.0, 0.0), 1.0))
+    source.take('initialpose', pose(Tilt(90.0, 0.0, 0.0), 1.0))
     assert source.tilt == Tilt(5.0, 0.1, 0.2)
-    source.hear('odom', pose(Tilt(40.0, 0.01, -0.02), 1.0))
-    source.hear('odom', pose(Tilt(np.nan, 0.0, 0.0), 1.0))
+    source.take('odom', pose(Tilt(40.0, 0.01, -0.02), 1.0))
+    source.take('odom', pose(Tilt(np.nan, 0.0, 0.0), 1.0))
     assert source.tilt == pytest.approx(Tilt(40.0, 0.01, -0.02))
 
 

@@ -239,7 +239,7 @@ def test_a_frozen_camera_publishes_nothing_while_odometry_tells_of_motion(run):
     run.go(lambda message, turn: [message], show=lambda n: run.drive[min(n, 8)][1])
     statuses = [estimate.status for estimate in run.estimates]
     assert statuses == [Status.TRACKING] * 9 + [Status.FROZEN_IMAGE] * (FRAMES - 9)
-    assert 'camera frozen' in run.estimates[-1].reason
+    assert 'camera is frozen' in run.estimates[-1].reason
 
 
 def test_a_frozen_camera_is_noticed_by_the_velocity_alone_and_thawed_by_new_pixels(run):

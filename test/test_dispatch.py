@@ -122,9 +122,9 @@ def test_the_camera_is_where_transforms_have_it_over_several_hops_and_moves_with
     mount.take([transform('base_link', 'mount', [0.0, 0.0, 0.4], Rotation.identity()), broken])
     mount.take([transform('mount', 'camera_optical', np.subtract(at, [0.0, 0.0, 0.4]), optical)])
     assert mount.fault == ''
-    [placed] = run.send(IMAGE, image(pixels, S + TENTH, 'camera_optical'))
-    assert placed.published
+    [with_camera] = run.send(IMAGE, image(pixels, S + TENTH, 'camera_optical'))
+    assert with_camera.published
     mount.take([transform('base_link', 'mount', [0.0, 0.0, 0.9], Rotation.identity())])
     run.send(IMAGE, image(pixels, S + 2 * TENTH, 'camera_optical'))
-    assert mount.known.z == HELD.z + 0.5
+    assert mount.extrinsics.z == HELD.z + 0.5
     assert len(places) == 2

@@ -224,7 +224,7 @@ def test_a_bad_initial_pose_is_told_and_the_belief_stays(vehicle, message, word)
     vehicle.ready().assert_localizes()
     vehicle.frontend.on_initial_pose(message)
     assert word in vehicle.frontend.complaints['initialpose']
-    assert 'belief stays' in vehicle.frontend.complaints['initialpose']
+    assert 'belief is kept' in vehicle.frontend.complaints['initialpose']
     vehicle.assert_localizes()
     vehicle.frontend.on_initial_pose(initial_pose(vehicle.truth, COVARIANCE))
     assert not vehicle.frontend.complaints

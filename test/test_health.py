@@ -13,7 +13,8 @@ from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.pose import Pose2
 from gip_localizer.parameters.integration import Diagnostics
 from gip_localizer.session.diagnostic_rules import DIAGNOSTIC_GROUPS, rule_of, Severity
-from gip_localizer.session.diagnostics import HealthMonitor, RECENT
+from gip_localizer.session.diagnostics import HealthMonitor
+from gip_localizer.session.frame_timing import TIMED_FRAMES
 
 SECOND = 1_000_000_000
 GOOD = Estimate(SECOND, Status.TRACKING, 'well', Pose2(0.0, 0.0, 0.0), np.eye(3))
@@ -36,10 +37,10 @@ def steady():
 def health(steady):
     """A node that is well: camera_info, odometry and a localized image have just come."""
     health = HealthMonitor(Diagnostics(), steady=steady)
-    health.hear({}, {'camera_info': 1, 'odom': 1})
-    health.odometry_came()
-    health.image_came(SECOND, SECOND)
-    health.took(GOOD, 5.0)
+    health.update_inputs({}, {'camera_info': 1, 'odom': 1})
+    health.on_odometry()
+    health.on_image(SECOND, SECOND)
+    health.frame_finished(GOOD, 5.0)
     return health
 
 
@@ -65,7 +66,7 @@ def test_at_the_start_each_concern_says_what_it_waits_for(steady):
 
 @pytest.mark.parametrize('status', [s for s in Status if s is not Status.TRACKING])
 def test_each_status_has_a_rule_that_withholds_and_is_named_by_the_output(health, status):
-    health.took(Estimate(SECOND, status, 'because'), 5.0)
+    health.frame_finished(Estimate(SECOND, status, 'because'), 5.0)
     found = rule_of(str(status))
     assert found is not None
     group, rule = found
@@ -79,16 +80,16 @@ def test_a_silent_camera_is_an_error_and_withholds(health, steady):
     steady.now += 1.5
     assert report(health, 'camera').message == 'NO_IMAGE: for 1.5 s; is image remapped?'
     assert report(health, 'output').rule.name == 'WITHHELD'
-    health.image_came(2 * SECOND, 2 * SECOND)
+    health.on_image(2 * SECOND, 2 * SECOND)
     assert 'NO_IMAGE' not in rules(health)
 
 
 def test_what_is_not_heard_during_a_long_frame_is_not_taken_for_silence(health, steady):
     health.simulated = True
-    health.clock_shows(SECOND)
-    health.image_came(2 * SECOND, 2 * SECOND)
+    health.on_clock(SECOND)
+    health.on_image(2 * SECOND, 2 * SECOND)
     steady.now += 5.0
-    health.took(GOOD, 5000.0)
+    health.frame_finished(GOOD, 5000.0)
     assert rules(health) == set()
     steady.now += 1.1
     assert report(health, 'camera').message == (
@@ -101,67 +102,68 @@ def test_what_is_not_heard_during_a_long_frame_is_not_taken_for_silence(health, 
     (0.6, 'LATE_FRAMES'), (-0.2, 'FUTURE_STAMPS'), (0.4, None), (-0.05, None),
 ])  # fmt: skip
 def test_stamps_far_from_the_clock_are_told_but_do_not_withhold(health, delay_s, rule):
-    health.image_came(2 * SECOND, 2 * SECOND + round(delay_s * SECOND))
+    health.on_image(2 * SECOND, 2 * SECOND + round(delay_s * SECOND))
     assert rules(health) == ({rule} if rule else set())
 
 
 def test_stamps_that_go_back_are_told_for_ten_seconds(health, steady):
-    health.image_came(10 * SECOND, 10 * SECOND)
-    health.image_came(3 * SECOND, 3 * SECOND)
+    health.on_image(10 * SECOND, 10 * SECOND)
+    health.on_image(3 * SECOND, 3 * SECOND)
     assert report(health, 'camera').level is Severity.OK  # a single stamp may be wrong
-    health.time_went_back(7.0)
+    health.on_time_jump(7.0)
     assert report(health, 'camera').message == 'TIME_WENT_BACK: by 7.000 s'
     steady.now += 10.5
-    health.image_came(4 * SECOND, 4 * SECOND)
+    health.on_image(4 * SECOND, 4 * SECOND)
     assert report(health, 'camera').level is Severity.OK
 
 
 def test_a_search_is_told_while_it_lasts(health, steady):
-    health.begins(search=True)
+    health.frame_started(search=True)
     steady.now += 2.0
     assert report(health, 'match').message == 'SEARCHING: for 2.0 s'
     assert report(health, 'output').message == 'WITHHELD: SEARCHING: for 2.0 s'
     assert report(health, 'camera').level is Severity.OK  # images wait
-    health.took(Estimate(SECOND, Status.CONFIRMING, 'found'), 2000.0)
+    health.frame_finished(Estimate(SECOND, Status.CONFIRMING, 'found'), 2000.0)
     assert not rules(health) & {'SEARCHING', 'NO_IMAGE'}
 
 
 def test_a_clock_that_stands_is_told_under_simulated_time_only(health, steady):
     for simulated in (False, True):
         health.simulated = simulated
-        health.clock_shows(SECOND)
+        health.on_clock(SECOND)
         steady.now += 1.2
-        health.clock_shows(SECOND)
-        health.image_came(SECOND + 1, SECOND)
+        health.on_clock(SECOND)
+        health.on_image(SECOND + 1, SECOND)
         assert ('CLOCK_STOPPED' in rules(health)) == simulated
 
 
 def test_odometry_that_stops_or_is_refused_is_told(health, steady):
-    health.hear({'odom': 'odometry jumped 9 m'}, {'camera_info': 1, 'odom': 2, 'odom_refused': 1})
+    counts = {'camera_info': 1, 'odom': 2, 'odom_refused': 1}
+    health.update_inputs({'odom': 'odometry jumped 9 m'}, counts)
     assert report(health, 'odometry').message == 'ODOMETRY_REFUSED: odometry jumped 9 m'
     steady.now += 1.1
-    health.image_came(2 * SECOND, 2 * SECOND)
+    health.on_image(2 * SECOND, 2 * SECOND)
     assert report(health, 'odometry').message.endswith('m; ODOMETRY_STALE: none for 1.1 s')
 
 
 def test_a_refusal_is_remembered_for_ten_seconds_after_good_messages_follow(health, steady):
     counts = {'camera_info': 1, 'initialpose': 1, 'initialpose_refused': 1}
-    health.hear({'initialpose': 'of the moon'}, counts)
-    health.hear({}, counts)
+    health.update_inputs({'initialpose': 'of the moon'}, counts)
+    health.update_inputs({}, counts)
     assert report(health, 'prior').message == 'INITIALPOSE_REFUSED: of the moon'
     steady.now += 10.5
     assert report(health, 'prior').level is Severity.OK
 
 
 def test_slow_is_a_median_above_the_time_between_images(health):
-    for n in range(2, RECENT + 2):
-        health.image_came(n * SECOND // 10, n * SECOND // 10)
-        health.took(GOOD, 120.0)
-    assert report(health, 'match').message == 'SLOW: 120 ms a frame, one every 100 ms'
+    for n in range(2, TIMED_FRAMES + 2):
+        health.on_image(n * SECOND // 10, n * SECOND // 10)
+        health.frame_finished(GOOD, 120.0)
+    assert report(health, 'match').message == 'SLOW: 120 ms per frame, one image every 100 ms'
 
 
 def test_disabled_outdoes_all_else_on_the_output(health):
-    health.took(Estimate(SECOND, Status.LOST, 'no fix'), 5.0)
+    health.frame_finished(Estimate(SECOND, Status.LOST, 'no fix'), 5.0)
     health.enabled = False
     assert report(health, 'output').rule.name == 'DISABLED'
 
@@ -179,16 +181,17 @@ def test_rule_names_are_unique():
 
 
 def test_a_refused_initialpose_stays_visible_until_a_good_one_comes(health, steady):
-    health.hear({'initialpose': 'of another frame'}, {'camera_info': 1, 'initialpose_refused': 1})
+    counts = {'camera_info': 1, 'initialpose_refused': 1}
+    health.update_inputs({'initialpose': 'of another frame'}, counts)
     steady.now += 3600.0
     assert 'INITIALPOSE_REFUSED' in rules_of(health, 'prior')
-    health.hear({}, {'camera_info': 1, 'odom': 1})
+    health.update_inputs({}, {'camera_info': 1, 'odom': 1})
     steady.now += 10.0
     assert rules_of(health, 'prior') == []
 
 
 def test_images_ahead_of_the_first_word_of_a_simulated_clock_are_not_of_the_future(health):
-    health.image_came(5000 * SECOND, 0)
+    health.on_image(5000 * SECOND, 0)
     assert 'FUTURE_STAMPS' not in rules_of(health, 'camera')
 
 

@@ -81,7 +81,7 @@ def test_an_image_waits_no_longer_than_the_timeout_and_tells_why():
     pairs.add_image(tiny(100), 0)
     assert pairs.overdue(49 * MS) == []
     [masked] = pairs.overdue(50 * MS)
-    assert 'none has come at all' in masked.missing
+    assert 'no mask has been received' in masked.missing
     pairs.add_mask(tiny(3100))
     pairs.add_image(tiny(200), 100 * MS)
     [masked] = pairs.overdue(200 * MS)

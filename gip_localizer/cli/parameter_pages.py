@@ -7,7 +7,7 @@ from __future__ import annotations
 from gip_localizer.parameters import Parameters
 from gip_localizer.parameters.integration import BagPlayerParameters
 from gip_localizer.parameters.spec import dump_ros_yaml, ParameterGroup, Spec, Value
-from gip_localizer.session.diagnostic_rules import diagnostics_table
+from gip_localizer.session.diagnostic_rules import DIAGNOSTIC_GROUPS
 from gip_localizer.synthetic.parameters import CameraNodeParameters
 
 TREES: dict[str, type[ParameterGroup]] = {
@@ -72,6 +72,22 @@ def markdown_table(tree: type[ParameterGroup]) -> str:
             f'| `{spec.name}` | {_code(spec.default)} | {spec.unit} | {_range(spec)} '
             f'| {spec.description}{fixed} |'
         )
+    return '\n'.join(rows)
+
+
+def diagnostics_table() -> str:
+    """Return all rules, then all figures, as Markdown."""
+    rows = ['| status | message | level | when | pose |', '| --- | --- | --- | --- | --- |']
+    rows += [
+        f'| {group.name} | `{rule.name}` | {rule.level.name} | {rule.when} '
+        f'| {"withheld" if rule.withheld else "published"} |'
+        for group in DIAGNOSTIC_GROUPS for rule in group.rules
+    ]  # fmt: skip
+    rows += ['', '| status | key | unit | meaning |', '| --- | --- | --- | --- |']
+    rows += [
+        f'| {group.name} | `{key}` | {unit} | {meaning} |'
+        for group in DIAGNOSTIC_GROUPS for key, (unit, meaning) in group.figures.items()
+    ]  # fmt: skip
     return '\n'.join(rows)
 
 

@@ -38,13 +38,13 @@ from gip_localizer.parameters import Parameters
 from gip_localizer.session.dispatch import (
     CAMERA_INFO,
     Dispatch,
-    Frame,
     IMAGE,
     INITIAL_POSE,
     MASK,
     ODOMETRY,
 )
 from gip_localizer.session.input_checks import rectified_warning
+from gip_localizer.session.mask_sync import Frame
 
 COMPRESSED = IMAGES[1]
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""z, roll and pitch of the published poses: not estimated, taken from elsewhere."""
+"""z, roll and pitch of the published poses: not estimated, but taken from another source."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.io.messages import PLANAR
 from gip_localizer.parameters.integration import Attitude
 
-CHANNELS = [2, 3, 4]  # z, roll and pitch of x, y, z, roll, pitch, yaw
+CHANNELS = [2, 3, 4]
+"""Indices (no unit) of z, roll and pitch in the 6 x 6 covariance: REP 103, geometry_msgs."""
 
 
 class Tilt(NamedTuple):
     """
-    What a planar pose lacks.
+    The coordinates that a planar pose does not have.
 
     Attributes
     ----------
@@ -56,7 +57,7 @@ def tilt_of(pose: Any) -> Tilt | None:
 
 class AttitudeSource:
     """
-    Follows the source that `attitude.source` names.
+    Keeps the newest z, roll and pitch of the source that `attitude.source` names.
 
     Parameters
     ----------
@@ -67,20 +68,20 @@ class AttitudeSource:
 
     def __init__(self, settings: Attitude) -> None:
         self.settings = settings
-        self._heard: Tilt | None = None
+        self._received: Tilt | None = None
 
-    def hear(self, role: str, pose: Any) -> None:
-        """Take the geometry_msgs/Pose of a message of a role, if it is the source."""
+    def take(self, role: str, pose: Any) -> None:
+        """Store z, roll and pitch of a geometry_msgs/Pose if its role is the source."""
         if role == self.settings.source:
-            self._heard = tilt_of(pose) or self._heard
+            self._received = tilt_of(pose) or self._received
 
     @property
     def tilt(self) -> Tilt:
-        """The source's last word; the parameters before it has spoken."""
+        """The newest values of the source; those of the parameters before its first message."""
         settings = self.settings
-        if settings.source == 'parameter' or self._heard is None:
+        if settings.source == 'parameter' or self._received is None:
             return Tilt(settings.z, settings.roll, settings.pitch)
-        return self._heard
+        return self._received
 
     def covariance(self, planar: Floats) -> Floats:
         """Return (36,), row-major of x y z roll pitch yaw, of a (3, 3) of x, y, yaw."""

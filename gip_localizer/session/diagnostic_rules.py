@@ -16,7 +16,7 @@ from gip_localizer.core.estimate import Status
 
 
 class Severity(IntEnum):
-    """Of a diagnostic status; the numbers are those of diagnostic_msgs."""
+    """Level of a diagnostic status; the numbers are those of diagnostic_msgs."""
 
     OK = 0
     WARN = 1
@@ -31,13 +31,13 @@ class Rule:
     Attributes
     ----------
     name : str
-        The word with which the message begins.
+        First word of the message.
     level : Severity
-        How bad it is.
+        Its severity.
     when : str
-        The condition, in words.
+        The condition, for the documentation.
     withheld : bool
-        True: no pose is published meanwhile.
+        Whether no pose is published while it holds.
 
     """
 
@@ -57,7 +57,7 @@ class DiagnosticGroup:
     name : str
         As in `<node>: <name>`.
     rules : tuple of Rule
-        All that it may say besides OK, in the order in which those that hold are said.
+        Its rules in the order of the message; OK if none holds.
     figures : dict
         Key → unit and meaning; an empty unit is a plain number.
 
@@ -235,29 +235,13 @@ OUTPUT = DiagnosticGroup('output', (
 })  # fmt: skip
 
 DIAGNOSTIC_GROUPS = (CAMERA, CALIBRATION, MAP, PRIOR, ODOMETRY, MATCH, OUTPUT)
-"""In the order of the flow."""
+"""All groups, in the order of the processing."""
 
 
 def rule_of(name: str) -> tuple[DiagnosticGroup, Rule] | None:
-    """Return a rule by its name, with its group; None for what is no matter at all."""
+    """Return a rule by its name, with its group; None if no rule has this name."""
     for group in DIAGNOSTIC_GROUPS:
         for rule in group.rules:
             if rule.name == name:
                 return group, rule
     return None
-
-
-def diagnostics_table() -> str:
-    """Return all rules, then all figures, as Markdown."""
-    rows = ['| status | message | level | when | pose |', '| --- | --- | --- | --- | --- |']
-    rows += [
-        f'| {group.name} | `{rule.name}` | {rule.level.name} | {rule.when} '
-        f'| {"withheld" if rule.withheld else "published"} |'
-        for group in DIAGNOSTIC_GROUPS for rule in group.rules
-    ]  # fmt: skip
-    rows += ['', '| status | key | unit | meaning |', '| --- | --- | --- | --- |']
-    rows += [
-        f'| {group.name} | `{key}` | {unit} | {meaning} |'
-        for group in DIAGNOSTIC_GROUPS for key, (unit, meaning) in group.figures.items()
-    ]  # fmt: skip
-    return '\n'.join(rows)

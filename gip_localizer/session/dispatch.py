@@ -1,18 +1,17 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-One message in, estimates out: the run that the node and `gip replay` share.
+From a message to estimates: the processing that the node and `gip replay` share.
 
-A message comes with its role, the name of the node's topic for it. Images come back as frames
-whose turn has come; every other message is taken in at once. The node localizes a frame when its
-worker is free, the replay at once: what happens to the frame is the same.
+Each message has a role: the name of the node's topic for it. For images, frames that are ready to
+be localized are returned; every other message is processed at once. The node localizes a frame
+when its worker is free, the replay at once; the processing of the frame is the same.
 
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -20,60 +19,36 @@ from gip_localizer.core.camera.model import Extrinsics
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.guard import fault_of, run_guarded
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.io.messages import stamp_ns
 from gip_localizer.parameters import Parameters
 from gip_localizer.session.attitude import AttitudeSource
-from gip_localizer.session.camera_mount import CameraMount, placed
+from gip_localizer.session.camera_mount import CameraMount, with_camera
 from gip_localizer.session.frontend import Frontend
-from gip_localizer.session.mask_sync import Masked, MaskPairing
+from gip_localizer.session.mask_sync import Frame, frames_of, Masked, MaskPairing
 from gip_localizer.session.pose_restore import StateKeeper
 
 IMAGE, MASK = 'image', 'mask'
 CAMERA_INFO, ODOMETRY, INITIAL_POSE = 'camera_info', 'odom', 'initialpose'
 
 
-@dataclass(frozen=True)
-class Frame:
-    """
-    An image whose turn has come.
-
-    Attributes
-    ----------
-    message : sensor_msgs/Image or sensor_msgs/CompressedImage
-        The image.
-    masked : Masked or None
-        The image with its mask; None where no mask is asked for.
-
-    """
-
-    message: Any
-    masked: Masked | None = None
-
-    @property
-    def stamp_ns(self) -> int:
-        """Stamp of the image, nanoseconds."""
-        return stamp_ns(self.message.header)
-
-
 class Dispatch:
     """
-    Brings each message to the part of the localizer that it concerns.
+    Passes each message to the part of the localizer that uses it.
 
     Parameters
     ----------
     raster_map : RasterMap
         The map.
     parameters : Parameters
-        At the start; `configure` changes them.
+        Initial values; `configure` changes them.
     log : callable
         Takes the traceback of an unexpected exception.
     compressed : bool
-        The images are sensor_msgs/CompressedImage.
+        Whether the images are sensor_msgs/CompressedImage.
 
     Raises
     ------
     MapError
-        `mask_file` is named and cannot be read.
+        `mask_file` is set and cannot be read.
 
     Attributes
     ----------
@@ -82,9 +57,9 @@ class Dispatch:
     attitude : AttitudeSource
         z, roll and pitch of the poses.
     mount : CameraMount or None
-        Where TF has the camera, once `follow_transforms` was called.
+        Camera pose from TF, once `follow_transforms` was called.
     first_complaints : dict
-        Role → why its first refused message was refused.
+        Role → reason of the first refused message.
 
     """
 
@@ -111,24 +86,24 @@ class Dispatch:
             self._pairing = MaskPairing(lambda: self.frontend.parameters.mask)
 
     def keep_state(self, warn: Callable[[str], object]) -> None:
-        """Restore the pose of `state_file` and write it from now on; `warn` takes its faults."""
+        """Restore the pose of `state_file` and save it from now on; `warn` takes errors."""
         self._warn = warn
         self._keeper = StateKeeper(self.frontend.localizer, warn)
 
     def follow_transforms(self, report: Callable[[str], object]) -> CameraMount:
-        """Place the camera by TF from now on; `report` takes each new place."""
+        """Take the camera pose from TF from now on; `report` takes each new pose."""
         self.mount = CameraMount(self._parameters.frames.base, self._place_camera, report)
         return self.mount
 
     def configure(self, parameters: Parameters) -> None:
-        """Take new parameters from the next frame on; the camera stays where TF has it."""
+        """Use new parameters from the next frame on; a camera pose from TF is kept."""
         self._parameters = parameters
-        known = None if self.mount is None else self.mount.known
-        self.frontend.configure(placed(parameters, known))
+        extrinsics = None if self.mount is None else self.mount.extrinsics
+        self.frontend.configure(with_camera(parameters, extrinsics))
         self.attitude.settings = parameters.attitude
 
     def change_map(self, raster_map: RasterMap, parameters: Parameters) -> None:
-        """Go on with another map, from the next frame on."""
+        """Use another map from the next frame on."""
         self.configure(parameters)
         self.frontend.change_map(raster_map, self.frontend.parameters)
         if self._keeper is not None:
@@ -137,27 +112,27 @@ class Dispatch:
             self._forget_restored()
 
     def relocalize(self) -> None:
-        """Search the whole map at the next frame; a restored pose is not used any more."""
+        """Search the whole map at the next frame; discard a restored pose."""
         self.frontend.relocalize()
         self._forget_restored()
 
     @property
     def overtaken(self) -> int:
-        """Images that a newer one with its mask overtook."""
+        """Number of images dropped because a newer image had its mask first."""
         return 0 if self._pairing is None else self._pairing.dropped
 
     def estimates(self, role: str, message: Any, now_ns: int) -> Iterator[tuple[Frame, Estimate]]:
         """
-        Take a message and localize every frame whose turn has come with it.
+        Process a message and localize every frame that is ready with it.
 
         Parameters
         ----------
         role : str
             IMAGE, MASK, CAMERA_INFO, ODOMETRY or INITIAL_POSE.
         message : Any
-            As rclpy or rosbags give it.
+            A message of rclpy or rosbags.
         now_ns : int
-            Of a clock that never goes back: masks are waited for by it.
+            Time of a steady clock, for `mask.timeout`.
 
         """
         for frame in [*self.overdue(now_ns), *self.take(role, message, now_ns)]:
@@ -165,7 +140,7 @@ class Dispatch:
             yield frame, self.localize(frame)
 
     def rest(self) -> Iterator[tuple[Frame, Estimate]]:
-        """Localize the images that still wait for a mask: none will come any more."""
+        """Localize the images that still wait for a mask, at the end of the input."""
         for masked in self._pairing.flush() if self._pairing is not None else ():
             frame = Frame(masked.image, masked)
             self.begin(frame)
@@ -173,17 +148,17 @@ class Dispatch:
 
     def take(self, role: str, message: Any, now_ns: int) -> list[Frame]:
         """
-        Take a message; return the frames that it completes, none or one.
+        Process a message; return the frame that is ready with it, or an empty list.
 
-        Only images and masks may come while a frame is localized in another thread.
+        While another thread localizes a frame, only images and masks are allowed here.
 
         """
         if role == IMAGE:
             if self._pairing is None:
                 return [Frame(message)]
-            return _frames(self._pairing.add_image(message, now_ns))
+            return frames_of(self._pairing.add_image(message, now_ns))
         if role == MASK:
-            return _frames(self._pairing.add_mask(message)) if self._pairing is not None else []
+            return frames_of(self._pairing.add_mask(message)) if self._pairing is not None else []
         if fault := fault_of(partial(self._others[role], message), self._log):
             self.frontend.complaints[role] = fault
         if role in self.frontend.complaints:
@@ -191,27 +166,27 @@ class Dispatch:
         return []
 
     def overdue(self, now_ns: int) -> list[Frame]:
-        """Return the images that have waited for their mask long enough, oldest first."""
+        """Return, oldest first, the images whose waiting time for a mask is over."""
         waited = self._pairing.overdue(now_ns) if self._pairing is not None else []
         return [Frame(masked.image, masked) for masked in waited]
 
     def newest_overdue(self, now_ns: int) -> list[Frame]:
-        """Return the newest of them alone, for a caller that must keep up with the camera."""
+        """Return only the newest of them, for a caller that must keep up with the camera."""
         frames = self.overdue(now_ns)
         if self._pairing is not None:
             self._pairing.dropped += max(len(frames) - 1, 0)
         return frames[-1:]
 
     def begin(self, frame: Frame) -> bool:
-        """Prepare for a frame; tell whether it is searched for on the whole map."""
+        """Prepare for a frame; return whether the whole map is searched for it."""
         if self._keeper is not None:
             self._keeper.before(frame.stamp_ns)
         if self.mount is not None:
-            self.mount.seen_in(str(frame.message.header.frame_id))
+            self.mount.take_frame_id(str(frame.message.header.frame_id))
         return self.frontend.localizer.searches(frame.stamp_ns)
 
     def localize(self, frame: Frame) -> Estimate:
-        """Localize a frame after `begin`; an unexpected exception costs this frame alone."""
+        """Localize a frame after `begin`; an unexpected exception costs only this frame."""
         if self.mount is not None and self.mount.fault:
             return Estimate(
                 frame.stamp_ns, Status.NO_CALIBRATION, f'camera.from_tf: {self.mount.fault}'
@@ -220,24 +195,24 @@ class Dispatch:
         return run_guarded(work, frame.stamp_ns, self._log)
 
     def end(self, estimate: Estimate) -> None:
-        """Keep the pose of a frame for a restart."""
+        """Save the pose of a frame for a restart."""
         if self._keeper is not None:
             self._keeper.after(estimate)
 
     def _take_camera_info(self, message: Any) -> None:
         if self.mount is not None:
-            self.mount.seen_in(str(message.header.frame_id))
+            self.mount.take_frame_id(str(message.header.frame_id))
         self.frontend.on_camera_info(message)
 
     def _take_odometry(self, message: Any) -> None:
         self.frontend.on_odometry(message)
         if ODOMETRY not in self.frontend.complaints:
-            self.attitude.hear(ODOMETRY, message.pose.pose)
+            self.attitude.take(ODOMETRY, message.pose.pose)
 
     def _take_initial_pose(self, message: Any) -> None:
         self.frontend.on_initial_pose(message)
         if INITIAL_POSE not in self.frontend.complaints:
-            self.attitude.hear(INITIAL_POSE, message.pose.pose)
+            self.attitude.take(INITIAL_POSE, message.pose.pose)
             self._forget_restored()
 
     def _forget_restored(self) -> None:
@@ -245,8 +220,4 @@ class Dispatch:
             self._keeper.forget()
 
     def _place_camera(self, extrinsics: Extrinsics) -> None:
-        self.frontend.configure(placed(self._parameters, extrinsics))
-
-
-def _frames(masked: Masked | None) -> list[Frame]:
-    return [] if masked is None else [Frame(masked.image, masked)]
+        self.frontend.configure(with_camera(self._parameters, extrinsics))

@@ -3,8 +3,8 @@
 """
 Messages → localizer calls, in one place for the node and for bag replay.
 
-Nothing here raises on a bad message: what is wrong is in the `Estimate` of the frame, or in
-`complaints`, by group, until a good message of that group clears it.
+A bad message raises nothing here: the fault is in the `Estimate` of the frame, or in `complaints`,
+by topic, until the next good message of that topic.
 
 """
 
@@ -27,7 +27,7 @@ from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.map_files import load_mask
 from gip_localizer.parameters import Parameters
 from gip_localizer.session.initial_pose import prior_of
-from gip_localizer.session.input_checks import odometry_warnings, RepeatedImages, TOLD_AFTER
+from gip_localizer.session.input_checks import LEAST_REPEATS, odometry_warnings, RepeatedImages
 from gip_localizer.session.mask_sync import Masked
 from gip_localizer.session.masks import both, fitting, mask_image, MaskError
 
@@ -39,7 +39,7 @@ UNSTAMPED = (
 
 class Frontend:
     """
-    Feeds messages to a localizer.
+    Decodes messages and passes them to a localizer.
 
     Parameters
     ----------
@@ -51,20 +51,20 @@ class Frontend:
     Raises
     ------
     MapError
-        `mask_file` is named and cannot be read.
+        `mask_file` is set and cannot be read.
 
     Attributes
     ----------
     localizer : Localizer
         The core.
     complaints : dict
-        DiagnosticGroup (camera_info, odom, initialpose) → what is wrong with its last message.
+        Topic (camera_info, odom, initialpose) → fault of its last message.
     counts : dict
-        Messages per topic, and how many of them were refused (`<topic>_refused`).
+        Number of messages per topic, and of refused ones (`<topic>_refused`).
     image : (height, width) array or None
-        The last frame; None where it could not be read.
+        The last image; None if it could not be decoded.
     camera_frame : str
-        Its frame, as its header names it.
+        frame_id of its header.
     warnings : dict
         Rule of `gip_localizer.session.diagnostic_rules` → detail, of the last frame.
 
@@ -92,16 +92,16 @@ class Frontend:
 
     @property
     def camera(self) -> CameraModel | None:
-        """The camera of the last frame; None before the first or where it cannot be used."""
+        """The camera of the last frame; None before the first or if it cannot be used."""
         return self._camera
 
     def configure(self, parameters: Parameters) -> None:
-        """Take new parameters from the next frame on."""
+        """Use new parameters from the next frame on."""
         self.localizer.configure(parameters)
         self._camera = None
 
     def change_map(self, raster_map: RasterMap, parameters: Parameters) -> None:
-        """Localize on another map; the state of the drive stays if `map_keeps_pose` says so."""
+        """Localize on another map; the tracking state is kept if `map_keeps_pose` is set."""
         state = self.localizer.state
         self.localizer = Localizer(raster_map, parameters)
         if parameters.map_keeps_pose:
@@ -114,7 +114,7 @@ class Frontend:
         self.localizer.relocalize()
 
     def on_camera_info(self, message: Any) -> None:
-        """Take a sensor_msgs/CameraInfo; an unusable one replaces nothing."""
+        """Use a sensor_msgs/CameraInfo; if it is unusable, the previous one is kept."""
         self._count('camera_info')
         raw = messages.fingerprint(message)
         if raw == self._info_raw:
@@ -130,12 +130,12 @@ class Frontend:
         self._info_raw = raw
         self._camera = None
         self.complaints.pop('camera_info', None)
-        # Ahead of the first frame, which tells what is wrong.
+        # Precompute before the first frame; that frame reports any error.
         with contextlib.suppress(CalibrationError):
             self.localizer.prepare(self._calibrated_camera())
 
     def on_odometry(self, message: Any) -> None:
-        """Take a nav_msgs/Odometry."""
+        """Use a nav_msgs/Odometry."""
         self._count('odom')
         try:
             sample = messages.odometry(message)
@@ -155,12 +155,12 @@ class Frontend:
             self._complain('odom', self.localizer.state.pose_filter.odometry.complaint)
 
     def on_initial_pose(self, message: Any) -> None:
-        """Take a geometry_msgs/PoseWithCovarianceStamped as the prior."""
+        """Use a geometry_msgs/PoseWithCovarianceStamped as the prior."""
         self._count('initialpose')
         try:
             self._set_prior(message)
         except GipError as error:
-            self._complain('initialpose', f'{error}; the last belief stays')
+            self._complain('initialpose', f'{error}; the previous belief is kept')
         else:
             self.complaints.pop('initialpose', None)
 
@@ -169,11 +169,11 @@ class Frontend:
         self.localizer.set_prior(messages.stamp_ns(message.header), pose, covariance)
 
     def on_image(self, message: Any, masked: Masked | None = None) -> Estimate:
-        """Localize a sensor_msgs/Image; `masked` where a mask is asked for with it."""
+        """Localize a sensor_msgs/Image; `masked` if `mask.from_topic` is set."""
         return self._on_frame(message, grey_image, masked)
 
     def on_compressed_image(self, message: Any, masked: Masked | None = None) -> Estimate:
-        """Localize a sensor_msgs/CompressedImage, likewise."""
+        """Localize a sensor_msgs/CompressedImage in the same way."""
         return self._on_frame(message, compressed_grey_image, masked)
 
     def _on_frame(
@@ -191,7 +191,7 @@ class Frontend:
             return Estimate(stamp, Status.NO_CALIBRATION, wrong)
         try:
             self.image = image = self._at_full_scale(decode(message))
-            camera = self._camera_for(image)
+            camera = self._calibrated_camera().for_image(image)
             mask = both(fitting(self._mask, image), self._mask_of(masked, image))
         except MaskError as error:
             return Estimate(stamp, Status.NO_MASK, str(error))
@@ -205,7 +205,7 @@ class Frontend:
         self.warnings |= odometry_warnings(stamp, pose_filter)
         if frozen := self._repeats.frozen(stamp, image, pose_filter):
             return Estimate(stamp, Status.FROZEN_IMAGE, frozen)
-        if self._repeats.repeats >= TOLD_AFTER:
+        if self._repeats.repeats >= LEAST_REPEATS:
             self.warnings['REPEATED_IMAGES'] = f'{self._repeats.repeats} in a row'
         return self.localizer.update(stamp, image, camera, mask=mask)
 
@@ -216,7 +216,7 @@ class Frontend:
         return scaled
 
     def _mask_of(self, masked: Masked | None, image: Grey) -> Grey | None:
-        """Return the mask that came with an image; None where it may do without."""
+        """Return the mask of an image; None if there is none and none is required."""
         if masked is None:
             return None
         try:
@@ -237,9 +237,6 @@ class Frontend:
             assert self._calibration is not None
             self._camera = CameraModel.given(self._calibration, self.parameters.camera)
         return self._camera
-
-    def _camera_for(self, image: Grey) -> CameraModel:
-        return self._calibrated_camera().for_image(image)
 
     def _count(self, topic: str) -> None:
         self.counts[topic] = self.counts.get(topic, 0) + 1

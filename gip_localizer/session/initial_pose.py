@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""An `initialpose` message as a prior: of the map's frame, on the map, with a covariance."""
+"""From an `initialpose` message to a prior: checks of frame and place, missing covariance."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def prior_of(message: Any, parameters: Parameters, raster_map: RasterMap) -> tup
     Raises
     ------
     PoseMessageError
-        Of another frame, not finite or outside the map.
+        Its frame is not the map frame, a number is not finite, or it is outside the map.
 
     """
     frame, expected = str(message.header.frame_id), parameters.frames.map

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What is well-formed and yet cannot be right: pictures that repeat, odometry of another time."""
+"""Checks of well-formed inputs: repeated images, odometry with other stamps, wrong topics."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ import numpy as np
 from gip_localizer.core.arrays import Grey
 from gip_localizer.core.track.pose_filter import PoseFilter
 
-COARSE = 16
-"""Rows of which one is compared first: most pictures differ there already."""
-TOLD_AFTER = 3
-"""Repetitions in a row that are worth telling."""
+ROW_STRIDE = 16
+"""Step (rows) of a first quick comparison, which most pairs of images fail; chosen."""
+LEAST_REPEATS = 3
+"""Number of repetitions in a row from which they are reported; chosen."""
 MOVED_XY, MOVED_YAW = 0.1, 0.02
-"""Metres and radians of motion during which a picture cannot stay the same to the bit."""
+"""Motion (m, rad) from which identical images prove a frozen camera; chosen above noise."""
 
 
 class RepeatedImages:
     """
-    Notices a camera that sends the same pixels under new stamps.
+    Detects a camera that sends the same pixels with new stamps.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class RepeatedImages:
 
     def frozen(self, stamp_ns: int, image: Grey, pose_filter: PoseFilter) -> str:
         """
-        Tell why the camera must be frozen; empty where it may see what it shows.
+        Return why the camera must be frozen; empty if it may work.
 
         Parameters
         ----------
@@ -48,11 +48,11 @@ class RepeatedImages:
         image : (height, width) uint8, uint16 or float32
             Its pixels, which must not change until the next call.
         pose_filter : PoseFilter
-            Knows how the vehicle moves.
+            Predicts the motion of the vehicle.
 
         """
         if self._last_ns is not None and stamp_ns <= self._last_ns:
-            self._image = None  # time went back, or the frame is none
+            self._image = None  # time went back or a stamp was repeated
         if self._image is None or not same_pixels(image, self._image):
             self.repeats, self._first_ns, self._frozen = 0, stamp_ns, ''
         else:
@@ -69,27 +69,27 @@ class RepeatedImages:
         if driven < MOVED_XY and abs(moved.yaw) < MOVED_YAW:
             return ''
         return (
-            f'the pixels are those of the frame before, though the vehicle moved {driven:.2f} m '
-            f'and {moved.yaw:.3f} rad meanwhile; is the camera frozen?'
+            f'the pixels equal those of the previous frame although the vehicle moved '
+            f'{driven:.2f} m and {moved.yaw:.3f} rad; check whether the camera is frozen'
         )
 
 
 def same_pixels(first: Grey, second: Grey) -> bool:
-    """Tell whether two pictures are the same to the bit."""
+    """Whether two images are identical to the bit."""
     return first.shape == second.shape and (
-        np.array_equal(first[::COARSE], second[::COARSE]) and np.array_equal(first, second)
+        np.array_equal(first[::ROW_STRIDE], second[::ROW_STRIDE]) and np.array_equal(first, second)
     )
 
 
 def odometry_warnings(stamp_ns: int, pose_filter: PoseFilter) -> dict[str, str]:
-    """Return the rules that hold of odometry at an image, and their details."""
+    """Return the odometry rules that hold at an image, and their details."""
     found = {}
     apart = pose_filter.odometry.apart(stamp_ns)
     if apart is not None and pose_filter.odometry.pose_at(stamp_ns) is None:
         side = 'ahead of' if apart > 0.0 else 'behind'
         found['ODOMETRY_OFF_TIME'] = (
-            f'the newest is stamped {_span(abs(apart))} {side} the image; '
-            'do their clocks agree?'
+            f'the newest message is stamped {_span(abs(apart))} {side} the image; '
+            'synchronize their clocks'
         )
     if pose_filter.odometry_check.rejected:
         found['ODOMETRY_CONTRADICTED'] = pose_filter.odometry_check.detail
@@ -101,12 +101,12 @@ def _span(seconds: float) -> str:
 
 
 def rectified_warning(topic: str, *, rectified: bool) -> str:
-    """Say where a topic's name (as image_proc gives it) contradicts `camera.rectified`."""
+    """Return how a topic's name (of image_proc) contradicts `camera.rectified`, or empty."""
     name = topic.removesuffix('/compressed').rsplit('/', 1)[-1]
     if 'rect' in name.split('_') and not rectified:
-        return (f'{topic} sounds rectified, and camera.rectified is false: the distortion would '
-                'be taken out twice; set camera.rectified: true')
+        return (f'{topic} is named like rectified images, but camera.rectified is false: the '
+                'distortion would be removed twice; set camera.rectified: true')
     if name == 'image_raw' and rectified:
-        return (f'{topic} sounds raw, and camera.rectified is true: distortion would be left in; '
-                'set camera.rectified: false')
+        return (f'{topic} is named like raw images, but camera.rectified is true: the distortion '
+                'would not be removed; set camera.rectified: false')
     return ''

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Images and the masks that a network sends after them, paired by their stamps.
+Images and the masks that a segmentation network publishes for them, paired by their stamps.
 
-An image waits for its mask, for `mask.timeout` at most. The newest image whose mask has come is
-handed out, and the older ones that still wait are dropped: a network slower than the camera sets
-the pace, and nothing queues up.
+An image waits for its mask, for `mask.timeout` at most. The newest image with a mask is returned,
+and older ones that still wait are dropped. So a network slower than the camera sets the frame
+rate, and no queue builds up.
 
 """
 
@@ -20,15 +20,43 @@ from gip_localizer.io.messages import stamp_ns
 from gip_localizer.parameters.integration import MaskTopic
 
 MOST_WAITING = 16
-"""Images that may wait at once, and masks: memory is bounded whatever the rates."""
+"""Largest number of waiting images, and of masks; chosen, to bound the memory at any rate."""
 
 
 class Masked(NamedTuple):
-    """An image message and its mask; None and the reason where there is none."""
+    """An image message and its mask; without one, None and the reason."""
 
     image: Any
     mask: Any | None
     missing: str = ''
+
+
+@dataclass(frozen=True)
+class Frame:
+    """
+    An image that is ready to be localized.
+
+    Attributes
+    ----------
+    message : sensor_msgs/Image or sensor_msgs/CompressedImage
+        The image.
+    masked : Masked or None
+        The image with its mask; None if `mask.from_topic` is not set.
+
+    """
+
+    message: Any
+    masked: Masked | None = None
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of the image, nanoseconds."""
+        return stamp_ns(self.message.header)
+
+
+def frames_of(masked: Masked | None) -> list[Frame]:
+    """Return a masked image as a frame; an empty list for None."""
+    return [] if masked is None else [Frame(masked.image, masked)]
 
 
 class _Waiting(NamedTuple):
@@ -40,14 +68,14 @@ class _Waiting(NamedTuple):
 @dataclass
 class MaskPairing:
     """
-    Pairs two streams; the clock is the caller's, and may be that of a log.
+    Pairs two streams; the caller passes the time, which may be that of a recording.
 
     Attributes
     ----------
     limits : callable
-        Gives `mask.*` as they are now.
+        Returns the current `mask.*`.
     dropped : int
-        Images that a newer one with its mask overtook.
+        Images that were dropped because a newer image had its mask first.
 
     """
 
@@ -58,7 +86,7 @@ class MaskPairing:
     _last_mask_ns: int | None = None
 
     def add_image(self, image: Any, now_ns: int) -> Masked | None:
-        """Take an image at a time of the caller's clock; hand it out if its mask is there."""
+        """Store an image at a time of the caller's clock; return it if its mask is there."""
         stamp = stamp_ns(image.header)
         if self._images and self._images[-1].stamp_ns - stamp > REWIND_NS:
             self._forget()
@@ -70,7 +98,7 @@ class MaskPairing:
         return self._newest_pair()
 
     def add_mask(self, mask: Any) -> Masked | None:
-        """Take a mask; hand out the image that it completes."""
+        """Store a mask; return the image that it belongs to, if that is there."""
         self._last_mask_ns = stamp_ns(mask.header)
         self._masks.pop(self._last_mask_ns, None)
         self._masks[self._last_mask_ns] = mask
@@ -79,13 +107,13 @@ class MaskPairing:
         return self._newest_pair()
 
     def overdue(self, now_ns: int) -> list[Masked]:
-        """Hand out the images that have waited long enough, oldest first, without a mask."""
+        """Return, oldest first and without a mask, the images whose waiting time is over."""
         overdue = [waiting for waiting in self._images if waiting.until_ns <= now_ns]
         self._images = [waiting for waiting in self._images if waiting.until_ns > now_ns]
         return [Masked(waiting.image, None, self._why(waiting.stamp_ns)) for waiting in overdue]
 
     def flush(self) -> list[Masked]:
-        """Hand out all that wait: no mask will come any more."""
+        """Return all waiting images, at the end of the input."""
         return self.overdue(1 << 62)
 
     def _newest_pair(self) -> Masked | None:
@@ -107,7 +135,7 @@ class MaskPairing:
     def _why(self, stamp: int) -> str:
         waited = f'no mask within mask.timeout {self.limits().timeout:g} s'
         if self._last_mask_ns is None:
-            return f'{waited}: none has come at all; is the topic remapped?'
+            return f'{waited}: no mask has been received; check the name of the topic'
         apart = (self._last_mask_ns - stamp) * 1e-9
         side = 'ahead of' if apart > 0.0 else 'behind'
         return (

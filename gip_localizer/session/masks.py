@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Masks as the localizer takes them: the fixed one of `mask_file`, and a message's."""
+"""Masks for the localizer: the fixed one of `mask_file`, and those of messages."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def mask_image(message: Any, shape: tuple[int, int]) -> Grey:
     Parameters
     ----------
     message : sensor_msgs/Image
-        mono8 or 8UC1; pixels from 128 on are looked at.
+        mono8 or 8UC1; pixels of 128 and above are used.
     shape : (height, width)
-        Of the image it belongs to.
+        Of the image that the mask belongs to.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def mask_image(message: Any, shape: tuple[int, int]) -> Grey:
     Raises
     ------
     MaskError
-        Another encoding or size, broken data, or classes instead of black and white.
+        Another encoding or size, damaged data, or class numbers instead of black and white.
 
     """
     encoding = str(message.encoding)
@@ -55,21 +55,21 @@ def mask_image(message: Any, shape: tuple[int, int]) -> Grey:
     largest = int(mask.max())
     if 0 < largest < LOOKED_AT:
         raise MaskError(
-            f'the largest value of the mask is {largest}; expected black and white: 255 where '
-            'the road may be looked at, not the numbers of classes'
+            f'the largest value of the mask is {largest}; expected 255 on the road '
+            'and 0 elsewhere, not class numbers'
         )
     return mask
 
 
 def both(first: Grey | None, second: Grey | None) -> Grey | None:
-    """Return a mask of what two leave to be looked at; None is a mask that leaves all."""
+    """Return the mask of pixels that both masks use; None is a mask that uses all pixels."""
     if first is None or second is None:
         return first if second is None else second
     return np.minimum(first, second)
 
 
 def fitting(mask: Grey | None, image: Grey) -> Grey | None:
-    """Return the mask of `mask_file`, or raise ImageError where it is of another size."""
+    """Return the mask of `mask_file`; raise ImageError if its size differs from the image."""
     if mask is not None and mask.shape != image.shape:
         (rows, cols), (height, width) = mask.shape, image.shape
         raise ImageError(

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The last pose in a file, so that a restart begins where the vehicle is.
+The last pose in a file, so that tracking continues after a restart.
 
-A file of another map, of another frame, too old or damaged is refused with the reason. What is
-restored is only a prior: a pose goes out after a frame has confirmed it.
+A file that is damaged, too old, of another map or of another frame is refused with the reason. The
+restored pose is only a prior: poses are published after a frame has confirmed it.
 
 """
 
@@ -28,10 +28,15 @@ from gip_localizer.errors import GipError
 from gip_localizer.parameters import Motion
 
 FORMAT = 1
-LARGEST = 10_000
-"""A state file is smaller (bytes)."""
-COASTING = 0.5
-"""Share of the distance at the last speed that its direction and change leave open."""
+"""Version of the file format (no unit)."""
+MAX_BYTES = 10_000
+"""Most bytes of a state file that are read; chosen: a valid file has about 500."""
+DISTANCE_ERROR = 0.5
+"""Relative error (no unit) of a distance predicted from the last speed; chosen."""
+TURN_RATE = 0.05
+"""Error of the heading (rad/m) without odometry; chosen: that of a curve of 20 m radius."""
+LEAST_DRIFT, LEAST_TURN = 0.1, 0.01
+"""Least error (m, rad) of the motion from odometry between two runs; chosen."""
 
 
 class StateError(GipError):
@@ -41,14 +46,14 @@ class StateError(GipError):
 @dataclass(frozen=True)
 class LastPose:
     """
-    What the file holds.
+    Content of the file.
 
     Attributes
     ----------
     map_hash, frame : str
-        Of the map, and the frame of the pose.
+        Hash of the map, and frame of the pose.
     saved_at : float
-        Seconds of the system's clock.
+        Seconds of the system clock.
     pose : (3,) floats
         x, y (m), yaw (rad) of the base in the map.
     covariance : (9,) floats
@@ -71,7 +76,7 @@ class LastPose:
 
     def prior(self, now: float, motion: Motion, odometry: Pose2 | None) -> Belief:
         """
-        Return where the vehicle may be now, with an uncertainty that grows with what is unknown.
+        Return the predicted pose of the vehicle now, with its uncertainty.
 
         Parameters
         ----------
@@ -80,26 +85,26 @@ class LastPose:
         motion : Motion
             Noise of the odometry.
         odometry : Pose2 or None
-            Base in odom now; None: the last speed is held.
+            Base in odom now; None: constant speed is assumed.
 
         """
         age = max(now - self.saved_at, 0.0)
         covariance: Floats = np.reshape(self.covariance, (3, 3))
         driven = Pose2(self.speed * age, 0.0, 0.0)
-        drift = COASTING * abs(self.speed) * age + motion.sigma_xy_per_s * age
-        turn = 0.05 * abs(self.speed) * age + motion.sigma_yaw_per_s * age
+        drift = DISTANCE_ERROR * abs(self.speed) * age + motion.sigma_xy_per_s * age
+        turn = TURN_RATE * abs(self.speed) * age + motion.sigma_yaw_per_s * age
         if odometry is not None and self.odometry is not None:
             driven = Pose2(*self.odometry).inverse() @ odometry
             length = math.hypot(driven.x, driven.y)
             if length <= motion.max_speed * max(age, 1.0):
-                drift = 0.1 + motion.sigma_xy_per_m * length
-                turn = 0.01 + motion.sigma_yaw_per_m * length
+                drift = LEAST_DRIFT + motion.sigma_xy_per_m * length
+                turn = LEAST_TURN + motion.sigma_yaw_per_m * length
         grown = covariance + np.diag([drift**2, drift**2, min(turn, math.pi) ** 2])
         return checked_prior(0, Pose2(*self.pose) @ driven, grown)
 
 
 def map_hash(raster_map: RasterMap) -> str:
-    """Return 16 hex digits that tell one map from another: cells, resolution and origin."""
+    """Return 16 hex digits that identify a map: a hash of cells, resolution and origin."""
     digest = hashlib.sha256(repr((
         raster_map.grey.shape, str(raster_map.grey.dtype), float(raster_map.resolution),
         tuple(float(value) for value in raster_map.origin),
@@ -112,7 +117,7 @@ def map_hash(raster_map: RasterMap) -> str:
 
 def save_state(path: Path, state: LastPose) -> None:
     """
-    Write a state file; at any moment the old or the new one is there, whole.
+    Write a state file atomically: a reader finds the complete old or new file.
 
     Raises
     ------
@@ -137,12 +142,12 @@ def save_state(path: Path, state: LastPose) -> None:
 def load_state(path: Path, *, expected_hash: str, frame: str, now: float,
                max_age: float) -> LastPose:
     """
-    Read a state file and judge it.
+    Read a state file and check it.
 
     Raises
     ------
     StateError
-        Missing, damaged, of another map or frame, too old, or of the future.
+        The file is missing, damaged, of another map or frame, too old, or from the future.
 
     """
     state = _read(path)
@@ -162,7 +167,7 @@ def load_state(path: Path, *, expected_hash: str, frame: str, now: float,
 def _read(path: Path) -> LastPose:
     try:
         with path.open('rb') as file:
-            content = json.loads(file.read(LARGEST).decode('utf-8'))
+            content = json.loads(file.read(MAX_BYTES).decode('utf-8'))
         if not isinstance(content, dict) or content.get('format') != FORMAT:
             raise ValueError(f'expected an object of format {FORMAT}')
         state = LastPose(**content)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the last pose to its file now and then, and gives it back after a restart."""
+"""Saves the last pose to `state_file` periodically, and restores it after a restart."""
 
 from __future__ import annotations
 
@@ -17,39 +17,39 @@ from gip_localizer.parameters import Parameters
 from gip_localizer.parameters.yaml_files import user_path
 from gip_localizer.session.pose_file import LastPose, load_state, map_hash, save_state, StateError
 
-WAITED_NS = 1_000_000_000
-"""How long the first frames wait for odometry, by their stamps."""
-SPEED_STEP = 2.0
-"""Longest time (s) between two poses that still tell a speed."""
+ODOMETRY_WAIT_NS = 1_000_000_000
+"""Longest time (ns, by stamps) that the restored pose waits for odometry; chosen."""
+LONGEST_STEP = 2.0
+"""Longest time (s) between two poses for estimating the speed; chosen."""
 
 PARKED_XY, PARKED_YAW = 0.05, 0.01
-"""Metres and radians that a parked vehicle's poses stay within (chosen: some cells' jitter)."""
+"""Motion (m, rad) below which the vehicle counts as parked; chosen: noise of about one cell."""
 PARKED_SHARE = 0.25
-"""Of `state.max_age`, between two writings while parked: the file never grows too old."""
+"""Period of writing while parked, as a share (no unit) of `state.max_age`; chosen below 1."""
 
 
 class StateKeeper:
     """
-    Keeps the last pose of a localizer in `state_file`; does nothing where none is set.
+    Saves and restores the last pose of a localizer; without `state_file` it does nothing.
 
     Parameters
     ----------
     localizer : Localizer
-        Whose pose is kept, and who is given the prior.
-    tell : callable
-        Told what is wrong with the file.
+        The localizer that gets the restored pose as its prior.
+    warn : callable
+        Takes error messages about the file.
     wall : callable
-        Seconds of the system's clock: it goes on while the node is down.
+        Seconds of the system clock, which also runs while the node does not.
 
     """
 
     def __init__(
-        self, localizer: Localizer, tell: Callable[[str], object],
+        self, localizer: Localizer, warn: Callable[[str], object],
         wall: Callable[[], float] = time.time,
     ) -> None:
         parameters = localizer.parameters
         self._localizer = localizer
-        self._tell = tell
+        self._warn = warn
         self._wall = wall
         self._path = user_path(parameters.state_file) if parameters.state_file else None
         self._written = float('-inf')
@@ -70,34 +70,34 @@ class StateKeeper:
                 now=self._wall(), max_age=parameters.state.max_age,
             )
         except StateError as error:
-            self._tell(str(error))
+            self._warn(str(error))
             return None
 
     def forget(self) -> None:
-        """Drop what was restored: a better prior has come."""
+        """Discard the restored pose, because there is a newer prior."""
         self._restored = None
 
     def before(self, stamp_ns: int) -> None:
-        """Give the restored pose to the localizer, once the odometry is there or late."""
+        """Pass the restored pose to the localizer as soon as odometry is there or overdue."""
         state = self._restored
         if state is None:
             return
         if self._waiting_since is None:
             self._waiting_since = stamp_ns
         odometry = self._odometry(stamp_ns)
-        waited = not 0 <= stamp_ns - self._waiting_since < WAITED_NS
+        waited = not 0 <= stamp_ns - self._waiting_since < ODOMETRY_WAIT_NS
         if odometry is None and state.odometry is not None and not waited:
             return
         self._restored = None
         try:
             belief = state.prior(self._wall(), self._localizer.parameters.motion, odometry)
-        except GipError as error:  # the vehicle may be anywhere by now
-            self._tell(f'state_file {self._path}: {error}; not used')
+        except GipError as error:  # the covariance has grown too large
+            self._warn(f'state_file {self._path}: {error}; not used')
         else:
             self._localizer.set_prior(0, belief.pose, belief.covariance)
 
     def after(self, estimate: Estimate) -> None:
-        """Write a published pose, unless the last one was written just now."""
+        """Save a published pose if the period since the last writing is over."""
         if self._path is None or estimate.pose is None or estimate.covariance is None:
             return
         self._learn_speed(estimate.stamp_ns, estimate.pose)
@@ -111,10 +111,10 @@ class StateKeeper:
             save_state(self._path, _state(self._hash, parameters, now, estimate, self._speed,
                                           odometry))
         except StateError as error:
-            self._tell(str(error))
+            self._warn(str(error))
 
     def _period(self, pose: Pose2) -> float:
-        """Return how long a written pose serves: longer while the vehicle is parked."""
+        """Return the time (s) until the next writing, which is longer while parked."""
         state = self._localizer.parameters.state
         moved = self._kept is None or max(
             math.hypot(pose.x - self._kept.x, pose.y - self._kept.y) / PARKED_XY,
@@ -125,7 +125,7 @@ class StateKeeper:
     def _learn_speed(self, stamp_ns: int, pose: Pose2) -> None:
         if self._last is not None:
             elapsed = (stamp_ns - self._last[0]) * 1e-9
-            if 0.0 < elapsed < SPEED_STEP:
+            if 0.0 < elapsed < LONGEST_STEP:
                 self._speed = (self._last[1].inverse() @ pose).x / elapsed
         self._last = (stamp_ns, pose)
 

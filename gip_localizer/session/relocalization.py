@@ -10,15 +10,15 @@ from typing import NamedTuple
 
 from gip_localizer.core.estimate import Estimate, Status
 
-PATIENCE = 60.0
-"""Longest time (s) until an answer; the largest map tried (1 ha) takes 14 s and some frames."""
+TIMEOUT = 60.0
+"""Longest time (s) until an answer; chosen: a search of 1 ha took 14 s (BENCHMARK.md)."""
 UNDECIDED = (Status.CONFIRMING, Status.OUT_OF_ORDER, Status.BAD_IMAGE, Status.FROZEN_IMAGE,
              Status.NO_MASK)
-"""What says nothing of the place yet: the next frame is waited for."""
+"""Statuses that do not decide the search; the next frame is awaited."""
 
 
 class Outcome(NamedTuple):
-    """Whether the place was found, and the answer in words."""
+    """Whether the pose was found, and the text of the answer."""
 
     found: bool
     text: str
@@ -26,26 +26,26 @@ class Outcome(NamedTuple):
 
 class Relocalization:
     """
-    Watches the estimates after a request.
+    Evaluates the estimates after a request.
 
     Parameters
     ----------
     steady : callable
-        Seconds that never go back.
+        Seconds of a steady clock.
 
     """
 
     def __init__(self, steady: Callable[[], float] = time.monotonic) -> None:
         self._steady = steady
         self._began = float('-inf')
-        self._last = 'no image came'
+        self._last = 'no image received'
 
     def begin(self) -> None:
-        """Note that the next frame is searched for."""
-        self._began, self._last = self._steady(), 'no image came'
+        """Record that a search begins with the next frame."""
+        self._began, self._last = self._steady(), 'no image received'
 
     def outcome(self, estimate: Estimate) -> Outcome | None:
-        """Return what a frame decides; None: the next one is waited for."""
+        """Return the answer that a frame gives; None: the next frame is needed."""
         took = f'after {self._steady() - self._began:.1f} s'
         if estimate.pose is not None:
             x, y, yaw = estimate.pose
@@ -61,7 +61,7 @@ class Relocalization:
         return Outcome(False, f'{verdict}: {self._last}, {took}')
 
     def overdue(self) -> Outcome | None:
-        """Return an answer where none came in time."""
-        if self._steady() - self._began < PATIENCE:
+        """Return a negative answer if none was found within `TIMEOUT`."""
+        if self._steady() - self._began < TIMEOUT:
             return None
-        return Outcome(False, f'not found: nothing was decided in {PATIENCE:g} s, {self._last}')
+        return Outcome(False, f'not found: no decision within {TIMEOUT:g} s, {self._last}')

@@ -12,8 +12,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Header
 
+from gip_localizer.session.diagnostic_report import Report
 from gip_localizer.session.diagnostic_rules import Severity
-from gip_localizer.session.diagnostics import HealthMonitor, Report
+from gip_localizer.session.diagnostics import HealthMonitor
 
 CHANGES = 0.2
 """Least seconds between two publications because of a change."""

@@ -33,8 +33,9 @@ from gip_localizer.ros.localizer.transforms import follow, MapToOdom
 from gip_localizer.ros.localizer.worker import Worker
 from gip_localizer.ros.parameters import warn_of_unknown_qos
 from gip_localizer.session.diagnostics import HealthMonitor
-from gip_localizer.session.dispatch import Dispatch, Frame, IMAGE, MASK, ODOMETRY
+from gip_localizer.session.dispatch import Dispatch, IMAGE, MASK, ODOMETRY
 from gip_localizer.session.input_checks import rectified_warning
+from gip_localizer.session.mask_sync import Frame
 
 LOOK = 0.2
 """Seconds between two looks at what has become silent."""
@@ -76,7 +77,7 @@ class Localization:
         self._health = HealthMonitor(
             parameters.diagnostics, self._map.figures(), active=active
         )
-        self._dispatch.keep_state(partial(self._health.happened, 'STATE_REFUSED'))
+        self._dispatch.keep_state(partial(self._health.add_event, 'STATE_REFUSED'))
         self._wire()
         self._say_hello()
 
@@ -88,7 +89,7 @@ class Localization:
         self._tf = None
         if self._parameters.tf.publish:
             self._tf = MapToOdom(node, frames.map, frames.odom, partial(
-                self._health.happened, 'TF_CONTESTED'
+                self._health.add_event, 'TF_CONTESTED'
             ))  # fmt: skip
             steady = Clock(clock_type=ClockType.STEADY_TIME)
             node.create_timer(SENT_ON, self._send_transform_on, clock=steady)
@@ -98,7 +99,7 @@ class Localization:
                 partial(mount.take, message.transforms)
             ))  # fmt: skip
         self._inputs = Inputs(node, self._parameters, self._take, self._take_overdue)
-        self._health.waited_for = self._inputs.waited_for
+        self._health.publisher_hint = self._inputs.publisher_hint
         self._lasts('RECTIFIED_DIFFERS', rectified_warning(
             self._inputs.image_topic, rectified=self._parameters.camera.rectified
         ))
@@ -175,18 +176,18 @@ class Localization:
     def _take_other(self, role: str, message: Any) -> None:
         self._dispatch.take(role, message, time.monotonic_ns())
         if role == ODOMETRY:
-            self._health.odometry_came()
+            self._health.on_odometry()
         if role != ODOMETRY or role in self._dispatch.frontend.complaints:
             self._tell_changes()
 
     def _on_frame(self, frame: Frame) -> None:
-        self._health.image_came(frame.stamp_ns, self._now_ns())
-        if not self._health.wanted:
+        self._health.on_image(frame.stamp_ns, self._now_ns())
+        if not self._health.accepts_frames:
             return
         started = time.perf_counter()
         self._inputs.take_waiting_odometry()
         searches = self._dispatch.begin(frame)
-        self._health.begins(search=searches)
+        self._health.frame_started(search=searches)
         work, finish = partial(self._dispatch.localize, frame), partial(self._finish, started)
         if searches:
             self._worker.start(work, finish)
@@ -195,13 +196,13 @@ class Localization:
 
     def _finish(self, started: float, estimate: Estimate) -> None:
         elapsed_ms = 1e3 * (time.perf_counter() - started)
-        if self._health.wanted:
+        if self._health.accepts_frames:
             self._publish(estimate, elapsed_ms)
-        self._health.took(estimate, elapsed_ms)
+        self._health.frame_finished(estimate, elapsed_ms)
         self._searches.take(estimate)
         state = self._dispatch.frontend.localizer.state
         if seconds := state.stamps.went_back:
-            self._health.time_went_back(seconds)
+            self._health.on_time_jump(seconds)
         self._health.prediction = state.pose_filter.prediction_source
         self._health.warnings = self._dispatch.frontend.warnings
         self._health.overtaken = self._dispatch.overtaken
@@ -237,7 +238,7 @@ class Localization:
         self._node.get_logger().info(f'camera from TF: {place}', throttle_duration_sec=MOUNT_LOG)
 
     def _on_jump(self, jump: TimeJump) -> None:
-        self._health.time_went_back(-jump.delta.nanoseconds * 1e-9)
+        self._health.on_time_jump(-jump.delta.nanoseconds * 1e-9)
 
     def _tell_changes(self) -> None:
         self._hear()
@@ -245,7 +246,7 @@ class Localization:
 
     def _hear(self) -> None:
         frontend, mount = self._dispatch.frontend, self._dispatch.mount
-        self._health.hear(frontend.complaints, frontend.counts)
+        self._health.update_inputs(frontend.complaints, frontend.counts)
         self._lasts('NO_CAMERA_TF', '' if mount is None else mount.fault)
 
     def _lasts(self, rule: str, detail: str) -> None:
@@ -257,7 +258,7 @@ class Localization:
     def _look(self) -> None:
         """Notice silence soon; tell all once a second."""
         self._health.simulated = bool(self._node.get_clock().ros_time_is_active)
-        self._health.clock_shows(self._now_ns())
+        self._health.on_clock(self._now_ns())
         self._hear()
         self._searches.look()
         if self._looks % LOOKS_PER_REPORT == 0:
@@ -280,7 +281,7 @@ class Localization:
 
     def _search_refusal(self) -> str:
         """Say why no frame would be searched for; empty: the next one would be."""
-        if self._health.wanted:
+        if self._health.accepts_frames:
             return ''
         return 'images are ignored: ' + (
             'call ~/enable with data: true' if self._health.active else 'activate the node'

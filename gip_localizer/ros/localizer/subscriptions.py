@@ -87,7 +87,7 @@ class Inputs:
         """The topic of the images, with remappings applied."""
         return self._node.resolve_topic_name(self._awaited[IMAGE][0])
 
-    def waited_for(self, role: str) -> str:
+    def publisher_hint(self, role: str) -> str:
         """Return who publishes what is waited for: IMAGE or CAMERA_INFO."""
         topic, qos = self._awaited[role]
         return publishers_of(self._node, topic, qos)
