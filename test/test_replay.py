@@ -193,8 +193,8 @@ def test_a_truncated_bag_is_replayed_as_far_as_it_goes(
     metrics = replayed(cut, drive, tmp_path / 'out')
     assert 8 <= metrics['frames'] <= 13
     assert metrics['published'] >= 7
-    assert 'cut short' in capsys.readouterr().err
-    assert 'cut short' in (tmp_path / 'out' / 'report.html').read_text()
+    assert 'truncated' in capsys.readouterr().err
+    assert 'truncated' in (tmp_path / 'out' / 'report.html').read_text()
 
 
 def test_stamps_that_go_back_give_no_wrong_fix(drive, messages, tmp_path):

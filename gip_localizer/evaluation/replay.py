@@ -29,7 +29,7 @@ from gip_localizer.evaluation.run import Run
 from gip_localizer.evaluation.worst_frames import WorstFrames
 from gip_localizer.evaluation.wrong_bounds import DEFAULT_BOUNDS, WrongBounds
 from gip_localizer.io.bags.bag import Bag
-from gip_localizer.io.bags.sources import BagMessage
+from gip_localizer.io.bags.source import BagMessage
 from gip_localizer.io.bags.topics import IMAGES, Topics
 from gip_localizer.io.bags.window import BagWindow
 from gip_localizer.io.images import compressed_grey_image, grey_image

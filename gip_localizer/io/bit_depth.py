@@ -9,7 +9,7 @@ import numpy as np
 from gip_localizer.core.arrays import Grey
 
 DEPTHS = (8, 10, 12, 14, 16)
-"""Bits of the sensors that are sold."""
+"""Bit depths of common image sensors (bits)."""
 
 
 def bits_used(image: Grey) -> int:
@@ -27,7 +27,7 @@ def at_full_scale(image: Grey, bits: int) -> Grey:
 
 class BitDepth:
     """
-    The depth that a camera uses: of all its images, so that a dark one is not lifted.
+    The bit depth of a camera, from all its images, so that a dark one is not brightened.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class BitDepth:
         return at_full_scale(image, self.bits)
 
     def note(self, image: Grey) -> str:
-        """Return what is to be said of an image as it came; empty where all bits are used."""
+        """Return a remark on an unscaled image; empty if all bits are used."""
         if image.dtype != np.uint16 or self.bits in (0, DEPTHS[-1]):
             return ''
         return (f'16 bit images use {self.bits} bits (largest value {int(image.max())}) and are '

@@ -27,6 +27,7 @@ CALIBRATOR = {
 }
 """Field of a CameraInfo → key of a file of camera_calibration."""
 SIZES = {'k': 9, 'r': 9, 'p': 12}
+"""Field → number of its values: sensor_msgs/CameraInfo."""
 EXPECTED = (
     'expected image_width, image_height, camera_matrix, distortion_model and '
     'distortion_coefficients as camera_calibration writes them, or width, height, k, '

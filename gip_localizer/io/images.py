@@ -18,7 +18,8 @@ from gip_localizer.core.arrays import Grey
 from gip_localizer.errors import ImageError, quoted
 from gip_localizer.io import jpeg
 
-MAX_PIXELS = 1 << 27  # a larger image is a fault or an attack, not a camera
+MAX_PIXELS = 1 << 27
+"""Largest number of pixels of an image (134 megapixels); chosen above any camera."""
 COLOUR = {
     f'{order}{bits}': code
     for bits in (8, 16)
@@ -37,7 +38,7 @@ BAYER = {
     )
 }
 CHROMA_ROWS = {'nv12': 1, 'nv21': 1, 'nv24': 4}
-"""Encodings whose luminance comes first, as rows of bytes → half rows of colour behind each."""
+"""Encoding with luminance first → rows of colour bytes per two rows of luminance (no unit)."""
 # encoding → channels, bytes per channel
 LAYOUTS = {
     'mono8': (1, 1), '8UC1': (1, 1), 'mono16': (1, 2), '16UC1': (1, 2),
@@ -48,7 +49,7 @@ LAYOUTS = {
     **{name: (1, 1) for name in CHROMA_ROWS},
 }
 UNNAMED = {'8UC3': 'bgr8', '8UC4': 'bgra8', '16UC3': 'bgr16', '16UC4': 'bgra16'}
-"""Encodings that do not name their channels → the order they are taken in, OpenCV's."""
+"""Encoding without named channels → assumed encoding: the channel order of OpenCV."""
 
 
 def grey_image(message: Any) -> Grey:
@@ -118,7 +119,7 @@ def _rows(message: Any, bytes_per_pixel: int) -> Grey:
 
 
 def _suspicion(begin: bytes) -> str:
-    """Say what too few bytes may be: some drivers put a compressed picture into an Image."""
+    """Return a hint if the bytes of an Image are a compressed file, as some drivers send."""
     for kind, signature in (('JPEG', b'\xff\xd8\xff'), ('PNG', b'\x89PNG')):
         if begin.startswith(signature):
             return (f'; they begin like a {kind} file: publish them as '
@@ -127,7 +128,7 @@ def _suspicion(begin: bytes) -> str:
 
 
 def _chroma_rows(encoding: str, height: int) -> int:
-    """Return the rows of colour behind those of luminance, which show that the image is whole."""
+    """Return the number of rows of colour after those of luminance."""
     return (CHROMA_ROWS.get(encoding, 0) * height + 1) // 2
 
 
@@ -176,7 +177,7 @@ PNG_START = b'\x89PNG\r\n\x1a\n'
 
 
 def _declared_size(content: bytes) -> tuple[int, int] | None:
-    """Width and height in the header of a PNG or JPEG; None where there is none."""
+    """Return width and height from the header of a PNG or JPEG; None if it has none."""
     if content[:8] == PNG_START and len(content) >= 24:
         return int.from_bytes(content[16:20], 'big'), int.from_bytes(content[20:24], 'big')
     return jpeg.declared_size(content) if jpeg.is_jpeg(content) else None

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-JPEG pictures: where one ends, and whether it is whole.
+JPEG images: detection of their end and of damage.
 
-libjpeg repairs what it can, fills the rest with grey or with what came before, and only warns; a
-picture repaired like that matches a wrong place well. `simplejpeg` raises what libjpeg warns of.
-Without it (it is in no Debian package) OpenCV decodes, and only pictures without an end are
-recognized as damaged.
+For damaged data libjpeg only warns: it fills the missing part with grey or with the previous data,
+and such an image can match a wrong place. `simplejpeg` raises these warnings as errors. Without it
+(no Debian package exists) OpenCV decodes, and only images without an end are recognized as
+damaged.
 
 """
 
@@ -26,26 +26,26 @@ except ImportError:
 
 START = b'\xff\xd8'
 LONE, BEGINS, ENDS, SCAN = {0x01, *range(0xD0, 0xD8)}, 0xD8, 0xD9, 0xDA
-"""Markers without a length; of a picture's start and end; of a scan, which compressed data
-follow."""
+"""Markers (ITU-T T.81) without a length; of start and end of an image; of a scan, which is
+followed by compressed data."""
 FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
-"""Segments that declare the size."""
+"""Markers of the segments that declare the size: SOF0 to SOF15 of ITU-T T.81."""
 MARKER = re.compile(rb'\xff+([\x01-\xcf\xd8-\xfe])')
-"""What ends compressed data: neither a stuffed 0xff nor a restart (0xd0 to 0xd7)."""
+"""Any marker that ends compressed data: no stuffed 0xff and no restart (0xd0 to 0xd7)."""
 EXTRANEOUS = re.compile(r'(\d+) extraneous bytes')
 STUFFED = 8
-"""Extraneous bytes that cameras are known to leave within a whole picture."""
+"""Most extraneous bytes in an undamaged image; chosen: some cameras leave a few."""
 HARMLESS = 'JFIF'
-"""Warnings of a version of the file format that nobody knows."""
+"""Text in libjpeg's warnings of an unknown JFIF version, which are ignored."""
 
 
 def is_jpeg(content: bytes) -> bool:
-    """Tell a JPEG by its first bytes."""
+    """Whether data begin like a JPEG."""
     return content[:2] == START
 
 
 def declared_size(content: bytes) -> tuple[int, int] | None:
-    """Return width and height in the header of a JPEG; None where there are none."""
+    """Return width and height from the header of a JPEG; None if it has none."""
     for kind, place in _segments(content):
         if kind in FRAMES:
             rows, cols = content[place + 3 : place + 5], content[place + 5 : place + 7]

@@ -12,7 +12,7 @@ LENGTHS: dict[str, tuple[int, ...]] = {
     **PINHOLE_MODELS, **dict.fromkeys(FISHEYE_MODELS, (4,)),
     'rational_polynomial': (4, 5, *PINHOLE_MODELS['rational_polynomial']),
 }
-"""Model → numbers of D that it takes; the rational one with less is OpenCV's plumb_bob."""
+"""Model → allowed numbers of coefficients D (OpenCV, sensor_msgs/distortion_models)."""
 PLUMB_BOB, RATIONAL = 'plumb_bob', 'rational_polynomial'
 
 

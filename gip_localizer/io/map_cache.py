@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Decoded pictures of large maps on disk, so that a map takes the memory of what is looked at.
+Disk cache of the decoded cells of large maps, so that only the used part occupies memory.
 
-A picture must be decoded whole; its cells are then kept in a folder of the user's cache, under
-the hash of the picture's bytes, and mapped into memory from there, also by the next start. The
-folder is bounded, the oldest goes first. Where it cannot be written, the map stays in memory.
+An image can only be decoded as a whole. Its cells are then stored in the user's cache folder under
+the hash of the image file, and mapped into memory, also at the next start. The size of the folder
+is limited; the oldest entries are deleted first. If it cannot be written, the map stays in memory.
 
 """
 
@@ -24,23 +24,25 @@ import numpy as np
 
 from gip_localizer.core.arrays import Bools, Grey
 
-LARGE = 4_000_000  # cells, above which a map is not kept in memory
-MOST_BYTES = 8 << 30  # of all maps in the folder
+LARGE = 4_000_000
+"""Number of cells above which a map is stored on disk; chosen: 4 to 16 MB in memory."""
+MOST_BYTES = 8 << 30
+"""Largest size (bytes) of all maps in the folder, 8 GiB; chosen."""
 Cells = tuple[Grey, Bools | None]
 
 
 def stored_cells(image: Path, variant: str, decode: Callable[[], Cells]) -> Cells:
     """
-    Return the cells of a picture, mapped from disk when there are many.
+    Return the cells of an image, mapped from disk if there are many.
 
     Parameters
     ----------
     image : Path
         The picture.
     variant : str
-        Tells apart what is made of the same picture.
+        Name of the processing, since several results can come from one image.
     decode : callable
-        Makes the cells, when they are not there yet.
+        Computes the cells if they are not stored yet.
 
     Returns
     -------
@@ -67,7 +69,7 @@ def stored_cells(image: Path, variant: str, decode: Callable[[], Cells]) -> Cell
 
 
 def store_folder() -> Path:
-    """Return the folder of the cells, which need not exist."""
+    """Return the folder of the cells, which may not exist yet."""
     cache = os.environ.get('XDG_CACHE_HOME')
     base = Path(cache) if cache else Path.home() / '.cache'
     return base / 'gip_localizer' / 'maps'
@@ -82,9 +84,9 @@ def _digest(image: Path) -> str:
 
 
 def _opened(entry: Path) -> Cells:
-    """Map an entry (raises OSError or ValueError: not there, or not whole)."""
+    """Map an entry (raises OSError or ValueError if it is missing or incomplete)."""
     grey = _mapped(entry / 'grey.npy')
-    os.utime(entry)  # the oldest unused is the first to go
+    os.utime(entry)  # the least recently used is deleted first
     valid = entry / 'valid.npy'
     return grey, _mapped(valid) if valid.exists() else None
 
@@ -105,7 +107,7 @@ def _mapped(path: Path) -> np.ndarray[Any, Any]:
 
 
 def _write(entry: Path, cells: Cells) -> None:
-    """Write an entry under another name and rename it, then make room."""
+    """Write an entry under a temporary name, rename it, then delete old entries."""
     entry.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=entry.parent, prefix='.writing-') as folder:
         part = Path(folder) / 'entry'

@@ -27,15 +27,18 @@ from gip_localizer.io.pictures import check_is_file, read_picture
 from gip_localizer.parameters.yaml_files import read_yaml, user_path, YamlFileError
 
 REQUIRED = ('image', 'resolution', 'origin')
-MODES = ('trinary', 'scale', 'raw')  # of nav2: how grey becomes occupancy, which is not asked here
-FINEST, COARSEST = 1e-4, 100.0  # metres per cell: beyond are other units
-READING = '2'  # names the way pictures become cells; a new way must not take the old one's cells
+MODES = ('trinary', 'scale', 'raw')
+"""Values of `mode` in nav2 map_server; accepted, but not used: no occupancy is computed here."""
+FINEST, COARSEST = 1e-4, 100.0
+"""Accepted range of the resolution (m per cell); chosen: outside it, the unit must be wrong."""
+READING = '2'
+"""Version of the decoding; a new one must not use cells stored by an old one."""
 
 
 @dataclass(frozen=True)
 class MapSettings:
     """
-    What a map YAML says.
+    Content of a map YAML.
 
     Attributes
     ----------
@@ -44,7 +47,7 @@ class MapSettings:
     origin : Pose2
         Of the lower-left corner of the lower-left cell.
     negate : bool
-        Black is white.
+        Whether black and white are exchanged.
     files : mapping
         image and, perhaps, noise → file name, relative to the YAML file; not checked.
 
@@ -84,7 +87,9 @@ def load_map(path: Path | str) -> RasterMap:
     settings = map_settings(path)
     grey, valid = _cells(path, settings.files, 'image', negate=settings.negate)
     if valid is not None and not valid.any():
-        raise MapError(f'map {path}: its image is transparent all over; expected road to be seen')
+        raise MapError(
+            f'map {path}: its image is transparent all over; expected opaque pixels on the road'
+        )
     noise = None
     if settings.files.get('noise') is not None:
         noise, _ = _cells(path, settings.files, 'noise', negate=False)
@@ -119,7 +124,7 @@ def map_settings(path: Path) -> MapSettings:
 
 
 def _cells(path: Path, settings: Mapping[str, Any], key: str, *, negate: bool) -> Cells:
-    """Return the cells of the picture that a key names."""
+    """Return the cells of the image file that a key names."""
     if not isinstance(settings[key], str):
         raise MapError(f'map {path}: {key} is {quoted(settings[key])}; expected a file name')
     image = path.parent / user_path(settings[key])
@@ -137,12 +142,12 @@ def _cells(path: Path, settings: Mapping[str, Any], key: str, *, negate: bool) -
 
 def load_mask(path: Path | str) -> Grey:
     """
-    Read the picture of what the camera always sees of its own vehicle.
+    Read the mask of the parts of the image that always show the own vehicle.
 
     Parameters
     ----------
     path : Path or str
-        An 8 bit image of the camera's size: white is looked at, black is not.
+        An 8 bit image of the camera's size: white is used, black is not.
 
     Returns
     -------
@@ -161,15 +166,15 @@ def load_mask(path: Path | str) -> Grey:
         raise MapError(f'{what} has 16 bits a pixel; expected 8')
     if grey.max() < LOOKED_AT:
         raise MapError(
-            f'{what} is black all over (largest value {grey.max()}), so that nothing would be '
-            'looked at; expected 255, and black only where the camera sees its own vehicle'
+            f'{what} is black all over (largest value {grey.max()}), so that no pixel would be '
+            'used; expected 255, and black only where the camera sees its own vehicle'
         )
     return np.ascontiguousarray(grey)
 
 
 def save_map(raster_map: RasterMap, path: Path | str, *, force: bool = False) -> None:
     """
-    Write a map as YAML and a PNG of the same name beside it; its noise, if told, as another.
+    Write a map as YAML and a PNG of the same name; its noise, if known, as another PNG.
 
     Parameters
     ----------

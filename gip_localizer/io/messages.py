@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages → the core's types. Duck-typed: rclpy and rosbags messages both pass."""
+"""Messages → types of the core; duck-typed, for messages of rclpy and of rosbags."""
 
 from __future__ import annotations
 
@@ -16,12 +16,14 @@ from gip_localizer.core.track.odometry import OdometrySample
 from gip_localizer.errors import CalibrationError, GipError
 from gip_localizer.io.lens import lens, unnamed_lens, with_scale
 
-PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and rotation about z of a 6 x 6 covariance
+PLANAR = np.ix_([0, 1, 5], [0, 1, 5])
+"""Indices (no unit) of x, y and yaw in a 6 x 6 covariance: order of geometry_msgs."""
 MAX_IMAGE_SIDE = 65536
+"""Largest width and height (px) of an image; chosen, far above any camera."""
 UNOBSERVED = 1.0
-"""Variance of z (m²), roll and pitch (rad²): not estimated, the road is taken for flat."""
+"""Variance of z (m²), roll and pitch (rad²), which are not estimated; chosen."""
 FARTHEST = 1e9
-"""Metres from the origin of a frame, beyond any map projection."""
+"""Largest distance (m) from the origin of a frame; chosen above that of any map projection."""
 
 
 class PoseMessageError(GipError):
@@ -40,8 +42,8 @@ def planar_pose(pose: Any) -> Pose2:
     Raises
     ------
     PoseMessageError
-        NaN, a position beyond `FARTHEST`, or a quaternion whose length is not 1 (0.1 is
-        forgiven).
+        NaN, a position beyond `FARTHEST`, or a quaternion whose length differs from 1 by more
+        than 0.1.
 
     """
     q = pose.orientation
@@ -100,7 +102,7 @@ def calibration(message: Any) -> Calibration:
     """
     Return the numbers of a sensor_msgs/CameraInfo.
 
-    rclpy spells the matrices in lower case (`k`), rosbags and ROS 1 in upper case in old types.
+    The fields are `k`, `d`, `r`, `p` in ROS 2, and `K`, `D`, `R`, `P` in older types.
 
     Raises
     ------
@@ -110,7 +112,8 @@ def calibration(message: Any) -> Calibration:
     """
     width, height = int(message.width), int(message.height)
     if max(width, height) > MAX_IMAGE_SIDE:
-        raise CalibrationError(f'CameraInfo size {width}x{height} is absurd; recalibrate')
+        raise CalibrationError(f'CameraInfo size {width}x{height} is too large; expected at most '
+                               f'{MAX_IMAGE_SIDE} px per side; check the calibration')
     roi = message.roi
     rotation = _numbers(message, 'r').reshape(3, 3)
     model, distortion = lens(str(message.distortion_model), _numbers(message, 'd'))
@@ -124,7 +127,7 @@ def calibration(message: Any) -> Calibration:
 
 
 def calibration_note(message: Any) -> str:
-    """Return what is to be said of a CameraInfo that can be used; mostly nothing."""
+    """Return a remark on a usable CameraInfo; empty in most cases."""
     return unnamed_lens(str(message.distortion_model), _numbers(message, 'd'))
 
 
@@ -135,7 +138,7 @@ def _numbers(message: Any, name: str) -> Floats:
 
 
 def fingerprint(message: Any) -> tuple[object, ...]:
-    """Return the CameraInfo's content without its header, to tell a change."""
+    """Return the content of a CameraInfo without its header, for detecting a change."""
     roi = message.roi
     matrices = [getattr(message, name, None) for name in ('k', 'd', 'p', 'r')]
     return (
@@ -146,7 +149,7 @@ def fingerprint(message: Any) -> tuple[object, ...]:
 
 
 def other_frame(word: str, frame: str, name: str, expected: str) -> str:
-    """Tell of odometry in another frame; one that is not named is taken."""
+    """Return how the frame of odometry is wrong; empty if it is right or not set."""
     if not frame or frame.lstrip('/') == expected.lstrip('/'):
         return ''
     return f'odometry is {word} frame {frame!r}, expected {name} {expected!r}'

@@ -20,12 +20,12 @@ from gip_localizer.io.tiff import PALETTE, read_tiff_tags, TiffTags, UNSPECIFIED
 PNM = re.compile(rb'P([2356])(?:\s|#[^\n]*\n)+\d+(?:\s|#[^\n]*\n)+\d+(?:\s|#[^\n]*\n)+(\d+)\s')
 PAM = re.compile(rb'P7\n.*?^MAXVAL\s+(\d+)$.*?^ENDHDR$', re.DOTALL | re.MULTILINE)
 PNM_HEADER = 4096
-"""Bytes at the start of a file in which the header of a PGM, PPM or PAM ends."""
+"""Most bytes of the header of a PGM, PPM or PAM; chosen."""
 PLAIN_PNM = (b'2', b'3')
 """Kinds of PNM written as text, whose values up to 255 OpenCV scales itself."""
 ALPHA_SHARE = 0.5
-"""Least share of a fourth band at 0 or at the greatest value, where a TIFF does not say what the
-band is, to take it for alpha: a mask has few values between, near infrared has most there."""
+"""Least share (no unit) of 0 and full scale for using a fourth band of unknown kind as alpha;
+chosen: a mask has few other values, near infrared has many."""
 Decoded = tuple[Grey, Bools | None]
 
 

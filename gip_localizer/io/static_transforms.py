@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The tree of frames, as /tf_static and /tf have it, and a camera's place in it."""
+"""The tree of frames from /tf_static and /tf, and the pose of a camera in it."""
 
 from __future__ import annotations
 
@@ -15,15 +15,17 @@ from gip_localizer.core.camera.model import Extrinsics, OPTICAL_FROM_BODY
 from gip_localizer.errors import GipError
 
 UNIT_SLACK = 1e-3
+"""Largest deviation (no unit) of a quaternion's length from 1; chosen above rounding."""
 LONGEST_CHAIN = 100
+"""Largest number of frames between two frames; chosen, so that a loop of parents ends."""
 
 
 class TransformError(GipError):
-    """The frames are not connected, or a transform is no transform."""
+    """The frames are not connected, or a transform is invalid."""
 
 
 class StaticTransforms:
-    """Parent of each frame, and the frame's pose in it, as last heard."""
+    """Parent of each frame and the pose in it, from the newest messages."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Floats]] = {}
@@ -33,8 +35,8 @@ class StaticTransforms:
         """
         Take geometry_msgs/TransformStamped messages.
 
-        One that is none (NaN, no unit quaternion) is left out, as tf2 does; it is named where
-        frames are not connected, until a good one of the same frame comes.
+        An invalid one (NaN, no unit quaternion) is ignored, as in tf2. It is named in the error
+        for unconnected frames, until a valid one of the same frame is received.
 
         """
         for message in transforms:
@@ -42,7 +44,7 @@ class StaticTransforms:
             try:
                 self._parents[child] = (parent, _matrix(message.transform))
             except TransformError as error:
-                self._faults[child] = f'{parent} to {child} was left out: {error}'
+                self._faults[child] = f'{parent} to {child} was ignored: {error}'
             else:
                 self._faults.pop(child, None)
 
@@ -73,7 +75,7 @@ class StaticTransforms:
         return Extrinsics(x, y, z, roll, pitch, math.atan2(R[1, 0], R[0, 0]))
 
     def _branches(self, first: str, second: str) -> tuple[str | None, list[str], list[str]]:
-        """Return the nearest frame above both (None: there is none), and the ways down to each."""
+        """Return the nearest common parent (or None), and the frames between it and each."""
         one, other = self._chain(first), self._chain(second)
         shared = next((frame for frame in one if frame in other), None)
         if shared is None:

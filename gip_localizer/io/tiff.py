@@ -17,11 +17,13 @@ import struct
 from typing import BinaryIO
 
 BITS, PHOTOMETRIC, SAMPLES, EXTRA_SAMPLES, GDAL_NODATA = 258, 262, 277, 338, 42113
+"""Numbers of tags: TIFF 6.0, and GDAL for the last."""
 WHITE_IS_ZERO, PALETTE = 0, 3
+"""Values of PhotometricInterpretation (TIFF 6.0)."""
 UNSPECIFIED = 0
-"""Kind of an extra band that is no alpha."""
+"""Value of ExtraSamples (TIFF 6.0) for an extra band that is not alpha."""
 MOST_ENTRIES, MOST_BYTES = 4096, 4096
-"""Of a directory, and of the value of one entry; larger ones are not looked at."""
+"""Most entries of a directory, and most bytes of an entry's value, that are read; chosen."""
 FORMATS = {1: 'B', 2: 's', 3: 'H', 4: 'I', 16: 'Q'}
 """Type of an entry (TIFF 6.0, BigTIFF) → its format in `struct`."""
 

@@ -15,7 +15,8 @@ from gip_localizer.core.pose import Pose2
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
-MAX_GAP_NS = 2_000_000_000  # a longer gap between two poses of the truth is not bridged
+MAX_GAP_NS = 2_000_000_000
+"""Longest gap (ns) between two poses of the ground truth for interpolation; chosen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class Trajectory:
 
     @classmethod
     def from_samples(cls, samples: Iterable[tuple[int, Pose2]]) -> Trajectory:
-        """Sort samples by stamp; of several at one stamp the last stays."""
+        """Sort samples by stamp; of several with one stamp the last is kept."""
         latest = dict(samples)
         stamps = np.array(sorted(latest), np.int64)
         poses = np.array([latest[int(stamp)] for stamp in stamps], np.float64).reshape(-1, 3)
@@ -54,9 +55,9 @@ class Trajectory:
         Parameters
         ----------
         stamps_ns : (m,) int64
-            Where poses are wanted, nanoseconds, in any order.
+            Stamps of the requested poses, nanoseconds, in any order.
         max_gap_ns : int
-            Longest time between two neighbours that is bridged.
+            Longest time between two neighbours for interpolation, nanoseconds.
 
         Returns
         -------

@@ -22,15 +22,15 @@ from gip_localizer.io.trajectory import stamp_text, Trajectory
 from gip_localizer.parameters.yaml_files import user_path
 
 STEEPEST = 0.7
-"""Roll or pitch, rad, beyond any road: the steepest street rises by 0.34, ramps bank by 0.6."""
+"""Largest roll or pitch (rad); chosen: the steepest street has 0.34, banked tracks 0.6."""
 LATEST = 9_000_000_000
-"""Largest stamp, s, of the year 2255: larger ones are of another unit."""
+"""Largest stamp (s), in the year 2255; chosen: larger ones have another unit."""
 UNITS = {'nanoseconds': 10**18, 'microseconds': 10**15, 'milliseconds': 10**12}
 """Unit → order of magnitude of today's time in it."""
 
 
 def write_tum(path: Path | str, trajectory: Trajectory) -> None:
-    """Write a TUM file (evo reads it); raise OutputError when the disk refuses."""
+    """Write a TUM file (evo reads it); raise OutputError if it cannot be written."""
     lines = [
         f'{stamp_text(int(stamp))} {x:.12f} {y:.12f} 0 0 0 '
         f'{math.sin(yaw / 2.0):.17g} {math.cos(yaw / 2.0):.17g}\n'
@@ -119,14 +119,14 @@ def tum_numbers(line: str, where: str) -> tuple[int, list[float]]:
 
 
 def _other_unit(where: str, stamp: Decimal) -> str:
-    """Say of a stamp that is no time in seconds which unit it may have."""
+    """Return the error for a stamp that is no time in seconds, with its likely unit."""
     unit = next((unit for unit, least in UNITS.items() if abs(stamp) >= least), None)
-    suspicion = f'stamps look like {unit}' if unit else 'it is no time in seconds'
+    suspicion = f'stamps look like {unit}' if unit else 'it is not a time in seconds'
     return f'{where}: stamp {str(stamp)[:40]}: {suspicion}; expected seconds'
 
 
 def _too_steep(where: str, quaternion: list[float]) -> str:
-    """Say of a pose that no vehicle on a road has what may be wrong with its columns."""
+    """Return the error for a pose that is too steep, with the likely mistake in its columns."""
     roll, pitch = roll_and_pitch(*quaternion)
     w, x, y, z = quaternion
     first = max(map(abs, roll_and_pitch(x, y, z, w))) <= STEEPEST

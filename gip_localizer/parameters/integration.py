@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The groups of `gip_localizer.parameters` that tie the node into a vehicle's stack."""
+"""Parameter groups for the integration of the node into a vehicle's ROS stack."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Frames:
 
 @dataclass(frozen=True)
 class InitialPose:
-    """Where to start without an `initialpose` message."""
+    """Initial pose if no `initialpose` message is used."""
 
     set: bool = p(False, 'Take the pose below as the first prior.', read_only=True)
     x: float = p(0.0, 'Position in the map frame.', unit='m', low=-1e7, high=1e7, read_only=True)
@@ -38,76 +38,78 @@ class InitialPose:
 class Attitude:
     """z, roll and pitch of the published poses, which are not estimated."""
 
-    source: str = p('parameter', 'Where they come from: the parameters below, the last '
-                    'initialpose or the last odometry (each as its message has them).',
+    source: str = p('parameter', 'Source of z, roll and pitch: the parameters below, the last '
+                    'initialpose message or the last odometry message.',
                     choices=('parameter', 'initialpose', 'odom'))
     z: float = p(0.0, 'Height of frames.base in the map frame.', unit='m', low=-1e4, high=1e4)
     roll: float = p(0.0, 'Roll of the road.', unit='rad', low=-0.8, high=0.8)
     pitch: float = p(0.0, 'Pitch of the road.', unit='rad', low=-0.8, high=0.8)
-    sigma_z: float = p(1000.0, 'Standard deviation of z in pose_with_covariance: so large that no '
-                       'filter follows it.', unit='m', low=1e-3, high=1e6)
-    sigma_tilt: float = p(10.0, 'The same of roll and of pitch.', unit='rad', low=1e-4, high=1e3)
+    sigma_z: float = p(1000.0, 'Standard deviation of z in pose_with_covariance; so large that '
+                       'filters ignore z.', unit='m', low=1e-3, high=1e6)
+    sigma_tilt: float = p(10.0, 'Standard deviation of roll and of pitch.', unit='rad', low=1e-4,
+                          high=1e3)
 
 
 @dataclass(frozen=True)
 class Transforms:
-    """What the node says on /tf; where tf2_msgs is not installed it says that it cannot."""
+    """Transforms on /tf; without the package tf2_msgs the node reports an error."""
 
     publish: bool = p(False, 'Publish map to odom on /tf (needs tf2_msgs and odometry); only one '
-                      'node may.', read_only=True)
-    tolerance: float = p(0.5, 'How far ahead of the image the transform is stamped: the time '
-                         'between two images and their latency, at least.', unit='s', low=0.0,
-                         high=10.0)
-    hold: float = p(1.0, 'How long after a pose its transform is sent on, ten times a second; 0: '
+                      'node may publish it.', read_only=True)
+    tolerance: float = p(0.5, 'Post-dating: time by which the stamp of the transform is ahead of '
+                         'the image; at least period plus latency of the images.', unit='s',
+                         low=0.0, high=10.0)
+    hold: float = p(1.0, 'Time after a pose during which its transform is repeated at 10 Hz; 0: '
                     'sent once.', unit='s', low=0.0, high=60.0)
 
 
 @dataclass(frozen=True)
 class MaskTopic:
-    """A mask with each image, as a segmentation network gives it, on the topic `mask`."""
+    """A mask for each image on the topic `mask`, for example from a segmentation network."""
 
-    from_topic: bool = p(False, 'Take a mask with each image from the topic mask (mono8 of the '
-                         "image's size and stamp; from 128 on is looked at), beside mask_file.",
+    from_topic: bool = p(False, 'Use a mask for each image from the topic mask, in addition to '
+                         'mask_file (mono8, size and stamp of the image; 128 and above is '
+                         'used).',
                          read_only=True)
     tolerance: float = p(0.0, 'Largest difference between the stamps of an image and its mask.',
                          unit='s', low=0.0, high=1.0)
-    timeout: float = p(0.1, 'How long an image waits for its mask.', unit='s', low=0.0,
+    timeout: float = p(0.1, 'Longest time that an image waits for its mask.', unit='s', low=0.0,
                        high=10.0)
-    required: bool = p(False, 'What becomes of an image without a usable mask. True: withheld; '
-                       'false: localized without it.')
+    required: bool = p(False, 'Whether an image needs a usable mask. True: without one no pose is '
+                       'published; false: it is localized without a mask.')
 
 
 @dataclass(frozen=True)
 class State:
-    """The last pose, kept in `state_file` for a restart."""
+    """The last pose, saved in `state_file` for a restart."""
 
     period: float = p(1.0, 'Least time between two writings of state_file.', unit='s', low=0.1,
                       high=3600.0)
-    max_age: float = p(60.0, 'An older state_file is not used.', unit='s', low=0.1, high=1e7,
-                       read_only=True)
+    max_age: float = p(60.0, 'Largest age of a state_file that is used.', unit='s', low=0.1,
+                       high=1e7, read_only=True)
 
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """When /diagnostics warn of the messages that come, or do not."""
+    """Limits from which /diagnostics warns of missing, late or future messages."""
 
-    camera_timeout: float = p(1.0, 'A camera that is silent for longer is reported.', unit='s',
+    camera_timeout: float = p(1.0, 'Longest time without an image before a report.', unit='s',
                               low=0.05, high=3600.0)
-    odometry_timeout: float = p(1.0, 'Odometry that is silent for longer is reported.', unit='s',
+    odometry_timeout: float = p(1.0, 'Longest time without odometry before a report.', unit='s',
                                 low=0.05, high=3600.0)
-    max_delay: float = p(0.5, 'Images that come later after their stamp are reported.', unit='s',
-                         low=0.0, high=3600.0)
-    max_ahead: float = p(0.1, 'Stamps farther ahead of the clock are reported.', unit='s',
-                         low=0.0, high=3600.0)
+    max_delay: float = p(0.5, 'Largest delay of an image after its stamp before a report.',
+                         unit='s', low=0.0, high=3600.0)
+    max_ahead: float = p(0.1, 'Largest time of a stamp ahead of the clock before a report.',
+                         unit='s', low=0.0, high=3600.0)
 
 
 @dataclass(frozen=True)
 class BagPlayerParameters(ParameterGroup):
-    """What is played, and how fast."""
+    """Parameters of the node `bag_player`."""
 
     bag: str = p('', 'Bag: a rosbag2 folder, an .mcap or a .db3 file.', read_only=True)
-    rate: float = p(1.0, 'Bag seconds per second.', low=0.01, high=100.0)
-    start: float = p(0.0, 'What is skipped at the beginning.', unit='s', low=0.0, high=1e7,
+    rate: float = p(1.0, 'Speed relative to the recording.', low=0.01, high=100.0)
+    start: float = p(0.0, 'Time skipped at the beginning.', unit='s', low=0.0, high=1e7,
                      read_only=True)
     loop: bool = p(False, 'Begin again at the end.')
     paused: bool = p(False, 'Wait for the service ~/pause before the first message.',

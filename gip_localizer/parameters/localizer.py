@@ -257,8 +257,10 @@ class Parameters(ParameterGroup):
             )
 
 
-MAX_VIEW_CELLS = 4e6  # keeps a view below about 100 MB (chosen)
-MAX_CANDIDATES = 2e9  # of a window; keeps its score surface below about 10 GB (chosen)
+MAX_VIEW_CELLS = 4e6
+"""Largest number of cells of a view; chosen, so that it needs less than about 100 MB."""
+MAX_CANDIDATES = 2e9
+"""Largest number of poses in a window; chosen, so that its scores need less than 10 GB."""
 
 
 def load_parameter_file(path: Path | str) -> Parameters:

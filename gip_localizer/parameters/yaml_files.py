@@ -54,7 +54,7 @@ def read_yaml(path: Path | str) -> Any:
     except OSError as error:
         raise YamlFileError(f'cannot be read: {error.strerror}') from None
     if len(content) > MOST_BYTES:
-        raise YamlFileError(f'is larger than {MOST_BYTES} bytes; is it the YAML file?')
+        raise YamlFileError(f'is larger than {MOST_BYTES} bytes; check that it is the YAML file')
     try:
         return _document(content.decode('utf-8-sig'))
     except UnicodeDecodeError as error:

@@ -22,7 +22,7 @@ from std_srvs.srv import SetBool
 
 from gip_localizer.errors import BagError, ParameterError
 from gip_localizer.io.bags.bag import Bag
-from gip_localizer.io.bags.sources import BagMessage
+from gip_localizer.io.bags.source import BagMessage
 from gip_localizer.parameters.integration import BagPlayerParameters
 from gip_localizer.ros.conversions import time_of
 from gip_localizer.ros.endpoints import wait_for_delivery

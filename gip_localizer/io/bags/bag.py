@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Bags that anyone wrote: rosbag2 folders, bare MCAP and sqlite3 files, several at once.
+Reading of rosbag2 folders, and of single MCAP and sqlite3 files, from any recorder.
 
-Topics are chosen by name or type before anything is decoded; what cannot be decoded is skipped
-and named once in `Bag.notes`.
+Topics are chosen by name or type before messages are decoded. Messages that cannot be decoded are
+skipped and reported once in `Bag.notes`.
 
 """
 
@@ -21,7 +21,8 @@ from zstandard import ZstdError
 from gip_localizer.errors import BagError, shortened
 from gip_localizer.io.bags.compression import is_compressed, plain, storage_suffix
 from gip_localizer.io.bags.log_times import drive_times
-from gip_localizer.io.bags.sources import BagMessage, END, open_source, Source, Topic
+from gip_localizer.io.bags.source import BagMessage, END, Source, Topic
+from gip_localizer.io.bags.sources import open_source
 from gip_localizer.io.cdr import jazzy
 from gip_localizer.io.natural_order import natural_key
 from gip_localizer.parameters.yaml_files import read_yaml, user_path, YamlFileError
@@ -41,14 +42,14 @@ class Bag:
     Attributes
     ----------
     topics : list of Topic
-        By name; counts of all files together.
+        Sorted by name; counts are those of all files together.
     start_ns, end_ns : int
         Log times of the drive's first and last message (see `log_times`).
 
     Raises
     ------
     BagError
-        A path is missing, no bag, or wholly unreadable.
+        A path does not exist, is not a bag, or nothing in it can be read.
 
     """
 
@@ -77,7 +78,7 @@ class Bag:
 
     @property
     def notes(self) -> list[str]:
-        """What could not be read or decoded, one line each; grows while reading."""
+        """Warnings about unreadable parts, one line each; grows while reading."""
         notes = self._notes + [note for source in self._sources for note in source.notes]
         return list(dict.fromkeys(notes))
 
@@ -89,9 +90,9 @@ class Bag:
         Parameters
         ----------
         topics : collection of str
-            Names; all others are passed over.
+            Names; other topics are ignored.
         start_ns, stop_ns : int
-            Log times, start included, stop not.
+            Log times: start <= log time < stop.
 
         """
         streams = [_announced(source, topics, start_ns, stop_ns) for source in self._sources]
@@ -100,7 +101,7 @@ class Bag:
                 yield message._replace(raw=raw)
 
     def _plain(self, message: BagMessage) -> bytes | None:
-        """Return a message's bytes decompressed; None, and a note, where they are damaged."""
+        """Return the uncompressed bytes of a message; None, and a note, if they are damaged."""
         try:
             return plain(message.raw)
         except (ZstdError, MemoryError) as error:
@@ -122,7 +123,7 @@ class Bag:
                                f'{shortened(str(error))}')
 
     def known(self, topic: Topic) -> bool:
-        """Tell whether messages of a topic can be decoded."""
+        """Whether messages of a topic can be decoded."""
         return topic.encoding == 'cdr' and topic.msgtype in jazzy().fielddefs
 
     def _note_unknown(self) -> None:
@@ -180,6 +181,6 @@ class Bag:
 
 def _announced(source: Source, topics: Collection[str], start_ns: int,
                stop_ns: int) -> Iterator[BagMessage]:
-    """Yield a nameless message first, so that a file is opened only when its time has come."""
+    """Yield an empty message first, so that `heapq.merge` opens a file only when needed."""
     yield BagMessage('', '', source.start_ns, b'')
     yield from source.messages(topics, start_ns, stop_ns)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The camera of a bag, mounted as the parameters say or as the bag's /tf_static does."""
+"""The camera of a bag; its pose comes from the parameters or from the bag's /tf_static."""
 
 from __future__ import annotations
 
@@ -20,35 +20,35 @@ TF_STATIC, TRANSFORMS = '/tf_static', 'tf2_msgs/msg/TFMessage'
 
 def mounted(bag: Bag, topics: Topics, parameters: Parameters) -> tuple[Parameters, list[str]]:
     """
-    Return the parameters with the camera where the bag has it, if `camera.from_tf` is set.
+    Return the parameters with the camera pose of the bag, if `camera.from_tf` is set.
 
     Parameters
     ----------
     bag, topics : Bag, Topics
-        /tf_static is read, and the frame that the first image (or camera_info) names.
+        Source of /tf_static and of the frame_id of the first image (or camera_info).
     parameters : Parameters
-        As given.
+        Parameters of the run.
 
     Returns
     -------
     parameters : Parameters
         The same, or with the six numbers of `camera.*` replaced.
     notes : list of str
-        What is to be said of it.
+        Remarks for the user.
 
     Raises
     ------
     BagError
         The bag does not connect the frames.
     ParameterError
-        The transform puts the camera where none can be.
+        The transform gives an impossible camera pose.
 
     """
     if not parameters.camera.from_tf:
         return parameters, []
     base, frame = parameters.frames.base, _frame(bag, topics)
     try:
-        held = _static_transforms(bag).extrinsics(base, frame)
+        extrinsics = _static_transforms(bag).extrinsics(base, frame)
     except TransformError as error:
         raise BagError(
             f'camera.from_tf is true, and {TF_STATIC} of the bag does not hold the pose of the '
@@ -57,17 +57,17 @@ def mounted(bag: Bag, topics: Topics, parameters: Parameters) -> tuple[Parameter
         ) from None
     try:
         parameters = parameters.replace({
-            f'camera.{name}': getattr(held, name) for name in Extrinsics.__dataclass_fields__
+            f'camera.{name}': getattr(extrinsics, name) for name in Extrinsics.__dataclass_fields__
         })
     except ParameterError as error:
         raise ParameterError(
-            f'camera.from_tf is true, and {TF_STATIC} puts {frame!r} in {base!r} where no camera '
-            f'can be: {error}'
+            f'camera.from_tf is true, and {TF_STATIC} gives an impossible pose of {frame!r} '
+            f'in {base!r}: {error}'
         ) from None
     return parameters, [
-        f'camera.from_tf: {frame!r} in {base!r} is taken from {TF_STATIC}: x {held.x:.3f}, '
-        f'y {held.y:.3f}, z {held.z:.3f} m, roll {held.roll:.4f}, pitch {held.pitch:.4f}, '
-        f'yaw {held.yaw:.4f} rad'
+        f'camera.from_tf: {frame!r} in {base!r} is taken from {TF_STATIC}: '
+        f'x {extrinsics.x:.3f}, y {extrinsics.y:.3f}, z {extrinsics.z:.3f} m, '
+        f'roll {extrinsics.roll:.4f}, pitch {extrinsics.pitch:.4f}, yaw {extrinsics.yaw:.4f} rad'
     ]
 
 
@@ -91,7 +91,7 @@ def _static_transforms(bag: Bag) -> StaticTransforms:
     for message in bag.messages(names):
         decoded = bag.decode(message)
         if decoded is not None:
-            with contextlib.suppress(TransformError):  # of others; what is missing is named later
+            with contextlib.suppress(TransformError):  # missing ones are reported later
                 tree.take(decoded.transforms)
     return tree
 
@@ -103,9 +103,9 @@ def recorded_camera(bag: Bag, topics: Topics, parameters: Parameters) -> CameraM
     Raises
     ------
     BagError
-        None can be read.
+        No camera_info can be read.
     CalibrationError
-        It cannot be used.
+        The camera_info cannot be used.
 
     """
     return CameraModel.given(_calibration(bag, topics), parameters.camera)

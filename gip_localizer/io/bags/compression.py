@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Zstandard, as rosbag2 compresses with it: whole files, or each message for itself."""
+"""Zstandard compression of rosbag2: of whole files, or of each message."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SUFFIXES = ('.zstd', '.zst')
 MAGIC = b'\x28\xb5\x2f\xfd'
 """First bytes of compressed data; serialized messages begin with 0."""
 MESSAGE_LIMIT = 1 << 29
-"""Bytes of a message; a larger one is taken for damage."""
+"""Largest size (bytes) of a message, 512 MiB; chosen: a larger one is damaged."""
 
 
 def storage_suffix(path: Path) -> str:
@@ -25,16 +25,16 @@ def storage_suffix(path: Path) -> str:
 
 
 def is_compressed(path: Path) -> bool:
-    """Tell whether a file is compressed as a whole, by its name."""
+    """Whether a file is compressed as a whole, by its name."""
     return path.suffix.lower() in SUFFIXES
 
 
 class PlainCopy:
     """
-    A storage file as its readers take it: decompressed, and its suffix in lower case.
+    A storage file in the form that its readers need: decompressed, suffix in lower case.
 
-    It lies in a temporary folder for as long as this object lives; a file that is not compressed
-    is only linked from there.
+    It is in a temporary folder that is deleted with this object; a file that is not compressed is
+    only linked there.
 
     Attributes
     ----------
@@ -62,12 +62,12 @@ class PlainCopy:
         except OSError as error:
             raise BagError(
                 f'{path}: cannot be decompressed into {self._folder.name}: {error.strerror}; '
-                'TMPDIR names another folder'
+                'set TMPDIR to a folder with enough space'
             ) from None
 
 
 def plain(raw: bytes) -> bytes:
-    """Return a message as it was before compression (raises ZstdError)."""
+    """Return the uncompressed bytes of a message (raises ZstdError)."""
     if raw[:4] != MAGIC:
         return raw
     return zstandard.ZstdDecompressor().decompress(raw, max_output_size=MESSAGE_LIMIT)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""When a drive begins and ends, though single messages were logged at 0 or at the end of time."""
+"""Start and end of a drive, without single messages that have wrong log times."""
 
 from __future__ import annotations
 
@@ -9,25 +9,26 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 NS_PER_DAY = 86_400 * 10**9
+"""Nanoseconds per day."""
 LONGEST = 30 * NS_PER_DAY
-"""No drive is longer, nanoseconds: a bag that seems to be is looked at message by message."""
+"""Longest duration (ns) of a drive; chosen: for a longer bag, all log times are examined."""
 APART = NS_PER_DAY
-"""Log times farther from their neighbours are of another clock."""
+"""Gap (ns) between log times from which they come from different clocks; chosen."""
 LEAST_SHARE = 0.9
-"""Share of the messages that must be left for the others to be strays."""
+"""Least share (no unit) of messages in the drive for ignoring the others; chosen."""
 
 
 def drive_times(start_ns: int, end_ns: int,
                 logged: Callable[[], Iterable[int]]) -> tuple[int, int, str]:
     """
-    Return first and last log time of the drive, and what is to be said of messages outside.
+    Return first and last log time of the drive, and a warning about messages outside.
 
     Parameters
     ----------
     start_ns, end_ns : int
         First and last log time of all messages, nanoseconds.
     logged : callable
-        Returns the log times of all messages; called only where the span cannot be.
+        Returns the log times of all messages; called only if the span is too long.
 
     """
     if end_ns - start_ns <= LONGEST:
@@ -45,5 +46,5 @@ def drive_times(start_ns: int, end_ns: int,
     return first, last, (
         f'{strays} of {len(times)} messages are logged at other times (one at '
         f'{stray * 1e-9:.3f} s) than the drive, {first * 1e-9:.3f} to {last * 1e-9:.3f} s; '
-        '--start counts from its begin'
+        '--start counts from the start of the drive'
     )

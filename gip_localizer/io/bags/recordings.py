@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which of several bags are one recording, and which are recordings of their own.
+Grouping of several bags into recordings.
 
 Parts of one recording (a split bag, or images and odometry recorded into different files) must be
 read as one stream; separate drives must not, for their stamps may overlap.
@@ -23,28 +23,28 @@ recorder opens the next file at once, and a camera delivers several images in it
 
 
 @dataclass(frozen=True)
-class _Part:
+class _Recording:
     path: Path
     images: frozenset[str]
     start_ns: int
     end_ns: int
 
     @classmethod
-    def of(cls, path: Path) -> _Part:
+    def of(cls, path: Path) -> _Recording:
         bag = Bag([path])
         images = frozenset(topic.name for topic in bag.topics
                            if topic.msgtype in IMAGES and topic.messages)
         return cls(path, images, bag.start_ns, bag.end_ns)
 
-    def follows(self, other: _Part) -> bool:
-        """Tell whether this part continues the other, or holds another camera of its time."""
+    def follows(self, other: _Recording) -> bool:
+        """Whether this part continues the other, or contains another camera at its time."""
         if self.images == other.images:
             apart = abs(self.start_ns - other.end_ns)
             return self.start_ns > other.start_ns and apart <= MOST_APART_NS
         return not self.images & other.images and self.overlaps(other)
 
-    def overlaps(self, other: _Part) -> bool:
-        """Tell whether both were recorded at the same time, for a part of it."""
+    def overlaps(self, other: _Recording) -> bool:
+        """Whether the times of both recordings overlap."""
         return self.start_ns <= other.end_ns and other.start_ns <= self.end_ns
 
 
@@ -73,8 +73,8 @@ def recordings(paths: Sequence[Path]) -> list[list[Path]]:
     """
     if len(paths) == 1:
         return [list(paths)]
-    parts = sorted((_Part.of(path) for path in paths), key=lambda part: part.start_ns)
-    groups: list[list[_Part]] = []
+    parts = sorted((_Recording.of(path) for path in paths), key=lambda part: part.start_ns)
+    groups: list[list[_Recording]] = []
     for part in (part for part in parts if part.images):
         group = next((g for g in groups if any(part.follows(other) for other in g)), None)
         if group is None:

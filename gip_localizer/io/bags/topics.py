@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Which topics of a bag the localizer reads: as named, or by type where that is unique."""
+"""Choice of the topics to read from a bag: by name, or by type if only one has it."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import re
 
 from gip_localizer.errors import BagError
 from gip_localizer.io.bags.bag import Bag
-from gip_localizer.io.bags.sources import Topic
+from gip_localizer.io.bags.source import Topic
 
 IMAGES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
 MASK = IMAGES[:1]
+"""Types of a mask: only uncompressed images."""
 CAMERA_INFO = ('sensor_msgs/msg/CameraInfo',)
 ODOMETRY = ('nav_msgs/msg/Odometry',)
 INITIAL_POSE = ('geometry_msgs/msg/PoseWithCovarianceStamped',)
@@ -24,7 +25,7 @@ OWN_OUTPUTS = re.compile(r'(^|/)(pose|pose_with_covariance|initialpose|goal_pose
 
 @dataclass(frozen=True)
 class TopicNames:
-    """What the user named; None: to be found."""
+    """Names from the user; None: chosen by type."""
 
     image: str | None = None
     camera_info: str | None = None
@@ -45,9 +46,9 @@ class Topics:
     odometry, initial_pose, truth : Topic or None
         None: the bag has none.
     mask : Topic or None
-        None: none was asked for.
+        None: no mask is required.
     notes : tuple of str
-        What was taken or left by guess.
+        Choices that were made without a name.
 
     """
 
@@ -70,7 +71,7 @@ def choose_topics(
     bag: Bag, named: TopicNames, *, find_truth: bool = True, find_mask: bool = False
 ) -> Topics:
     """
-    Choose before anything is decoded.
+    Choose the topics before any message is decoded.
 
     Parameters
     ----------
@@ -79,14 +80,14 @@ def choose_topics(
     named : TopicNames
         What the user named.
     find_truth : bool
-        False: the truth comes from elsewhere.
+        False: the truth comes from another source.
     find_mask : bool
-        True: a mask is asked for, by name or as the one image topic that is called `mask`.
+        True: a mask is required, by name or as the only image topic named `mask`.
 
     Raises
     ------
     BagError
-        A named topic is not there or of the wrong type, or the choice is not unique; the
+        A named topic is missing or has the wrong type, or the choice is not unique; the
         candidates are listed.
 
     """
@@ -146,7 +147,7 @@ def _mask(topics: Collection[Topic], named: TopicNames) -> Topic:
 
 
 def _sibling_info(topics: Collection[Topic], image: str) -> str | None:
-    """Return the CameraInfo beside the image by ROS's convention, if it is there."""
+    """Return the CameraInfo topic next to the image (convention of ROS), if there is one."""
     names = {topic.name for topic in topics if topic.msgtype in CAMERA_INFO}
     parts = image.split('/')
     for depth in range(len(parts) - 1, 0, -1):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The ground truth that a bag holds, and the pose where a replay begins."""
+"""The ground truth in a bag, and the initial pose of a replay."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ def read_truth(bag: Bag, topics: Topics, map_frame: str) -> tuple[Trajectory | N
     Parameters
     ----------
     bag : Bag
-        Where it is.
+        The bag.
     topics : Topics
-        Names its topic, or none.
+        Contains the topic of the truth, or None.
     map_frame : str
-        The frame that it should be in.
+        Expected frame of the truth.
 
     Returns
     -------
     Trajectory or None
-        None where there is none.
+        None if the bag has no truth.
     list of str
-        What is to be said of it.
+        Warnings about it.
 
     """
     if topics.truth is None:
@@ -72,7 +72,7 @@ def truth_at_first_image(
     Raises
     ------
     TrajectoryError
-        The truth does not cover that image, or there is none.
+        The truth does not cover that image, or no image can be read.
 
     """
     messages = bag.messages([topics.image.name], *window.log_times(bag))

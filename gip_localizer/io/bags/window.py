@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 from gip_localizer.errors import ParameterError
 from gip_localizer.io.bags.bag import Bag
-from gip_localizer.io.bags.sources import END
+from gip_localizer.io.bags.source import END
 
 MOST_SECONDS = 1e9
+"""Largest time (s) that is accepted, 32 years; chosen."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class BagWindow:
     duration_s: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what is no time (raises ParameterError)."""
+        """Check both times (raises ParameterError)."""
         if not 0.0 <= self.start_s <= MOST_SECONDS:
             raise ParameterError(
                 f'--start {self.start_s}: expected seconds from 0 to {MOST_SECONDS:g}'

@@ -30,6 +30,7 @@ from gip_localizer.io.tum_files import STEEPEST, tum_numbers
 Floats = NDArray[np.float64]
 NAMES = ('poses.txt', 'groundtruth.txt', 'ground_truth.txt', 'poses.tum', 'ground_truth.tum')
 TUM, KITTI = 8, 12
+"""Number of columns of a line of the formats TUM and KITTI."""
 BASE, CAMERA = 'base', 'camera'
 ORTHONORMAL = 1e-2
 """Largest deviation of RᵀR from the identity (no unit) that is rounding; chosen."""

@@ -24,6 +24,7 @@ Stamp = int
 Line = tuple[Decimal, str]
 NAMES = ('timestamps.txt', 'times.txt', 'data.csv', 'rgb.txt', 'timestamps.csv')
 PER_SECOND = {'nanoseconds': 10**9, 'microseconds': 10**6, 'milliseconds': 10**3, 'seconds': 1}
+"""Unit → units per second."""
 DATE = re.compile(r'(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(\.\d+)?')
 EARLIEST_NAME = 10**8
 """Least number, s, that a file name must be to count as a stamp (of 1973); chosen: running
