@@ -109,8 +109,8 @@ class BagPlayerParameters(ParameterGroup):
 
     bag: str = p('', 'Bag: a rosbag2 folder, an .mcap or a .db3 file.', read_only=True)
     rate: float = p(1.0, 'Speed relative to the recording.', low=0.01, high=100.0)
-    start: float = p(0.0, 'Time skipped at the beginning.', unit='s', low=0.0, high=1e7,
-                     read_only=True)
+    start: float = p(0.0, 'Where to begin, after the first message; set while the bag is played: '
+                     'where to go on.', unit='s', low=0.0, high=1e7)
     loop: bool = p(False, 'Begin again at the end.')
     paused: bool = p(False, 'Wait for the service ~/pause before the first message.',
                      read_only=True)

@@ -56,9 +56,18 @@ def read_yaml(path: Path | str) -> Any:
     if len(content) > MOST_BYTES:
         raise YamlFileError(f'is larger than {MOST_BYTES} bytes; check that it is the YAML file')
     try:
-        return _document(content.decode('utf-8-sig'))
+        text = content.decode('utf-8-sig')
     except UnicodeDecodeError as error:
         raise YamlFileError(f'cannot be read as text: {error.reason}') from None
+    return parse_yaml(text)
+
+
+def parse_yaml(text: str) -> Any:
+    """Return the one document of a text, within the bounds of a file (raises YamlFileError)."""
+    if len(text) > MOST_BYTES:
+        raise YamlFileError(f'is larger than {MOST_BYTES} characters')
+    try:
+        return _document(text)
     except RecursionError:
         raise YamlFileError('not valid YAML: nested too deep') from None
     except (yaml.YAMLError, ValueError) as error:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 import importlib
 import os
 import sys
@@ -15,19 +15,21 @@ from builtin_interfaces.msg import Time
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
-from std_srvs.srv import SetBool
 
 from gip_localizer.errors import BagError, ParameterError
 from gip_localizer.io.bags.bag import Bag
-from gip_localizer.io.bags.source import BagMessage
+from gip_localizer.io.bags.playback import Playback
+from gip_localizer.io.bags.source import BagMessage, Topic
 from gip_localizer.parameters.integration import BagPlayerParameters
 from gip_localizer.ros.conversions import time_of
-from gip_localizer.ros.endpoints import wait_for_delivery
+from gip_localizer.ros.endpoints import advertise, wait_for_delivery
 from gip_localizer.ros.middleware import image_environment
 from gip_localizer.ros.parameters import LiveParameters
+from gip_localizer.ros.player_services import serve
 from gip_localizer.ros.running import run_node
 
 NS = 1_000_000_000
@@ -35,13 +37,21 @@ TICK = 0.002
 """Seconds between two looks at what is due."""
 CLOCK_STEP_NS = 10_000_000
 """Largest step of `/clock`, bag time."""
-LATCHED = ('/tf_static',)
+LATCHED = ('tf_static',)
+"""Last parts of the names of topics that are latched where no quality of service was recorded."""
+DEPTH, LATCHED_DEPTH, MOST_DEPTH = 10, 100, 1000
+"""Messages that are kept for subscribers: at least, of a latched topic, and at most; chosen."""
 EXAMPLE = '-p bag:=bags/demo -p wait_for:=/image/compressed,/odom'
 
 
 class BagPlayerNode(Node):
     """
     Publishes the recorded bytes of every topic whose type is known.
+
+    Attributes
+    ----------
+    paused : bool
+        Nothing is published but by `step`.
 
     Raises
     ------
@@ -52,7 +62,7 @@ class BagPlayerNode(Node):
 
     def __init__(self) -> None:
         super().__init__('bag_player')
-        self._live = LiveParameters(self, BagPlayerParameters)
+        self._live = LiveParameters(self, BagPlayerParameters, self._retune)
         settings = self._live.value
         if not settings.bag:
             raise ParameterError(
@@ -60,16 +70,26 @@ class BagPlayerNode(Node):
             )
         self._bag = Bag([settings.bag])
         self._senders = self._advertise(settings.topics)
-        self._clock = self.create_publisher(ClockMessage, '/clock', 10)
-        self._start_ns = self._bag.start_ns + round(settings.start * NS)
-        self._paused = settings.paused
+        self._time_publisher = self.create_publisher(ClockMessage, '/clock', 10)
+        self._start = settings.start
+        self._playback = Playback(self._bag, self._senders, self._start_ns())
+        self.paused = settings.paused
         self._awaited = self._to_wait_for(settings.wait_for)
-        self._rewind()
-        self.create_service(SetBool, '~/pause', self._on_pause)
+        self._begin()
+        serve(self, self)
         self.create_timer(TICK, self._play, clock=Clock(clock_type=ClockType.STEADY_TIME))
         for note in self._bag.notes:
             self.get_logger().warning(note)
         self.get_logger().info(f'playing {settings.bag}: {", ".join(self._senders)}')
+
+    def _start_ns(self) -> int:
+        return self._bag.start_ns + round(self._live.value.start * NS)
+
+    def _retune(self, settings: BagPlayerParameters) -> None:
+        """Go where `start` points, if that has changed."""
+        if settings.start != self._start and not self.seek(self._start_ns()):
+            self.get_logger().error(f'start: {settings.start:g} s is beyond the end of the bag')
+        self._start = settings.start
 
     def _advertise(self, chosen: str) -> dict[str, Publisher]:
         names = _names(chosen)
@@ -83,7 +103,7 @@ class BagPlayerNode(Node):
         for topic in self._bag.topics:
             kind = _message_type(topic.msgtype) if self._bag.known(topic) else None
             if kind is not None and topic.name != '/clock' and topic.name in (names or recorded):
-                senders[topic.name] = self.create_publisher(kind, topic.name, _qos(topic.name))
+                senders[topic.name] = advertise(self, kind, topic.name, _qos(topic))
         if not senders:
             raise BagError('the bag holds no topic of a known type; see ros2 bag info')
         return senders
@@ -104,49 +124,71 @@ class BagPlayerNode(Node):
             self._awaited = []
         return bool(self._awaited)
 
-    def _rewind(self) -> None:
-        self._messages: Iterator[BagMessage] = self._bag.messages(
-            list(self._senders), self._start_ns
-        )
-        self._next = next(self._messages, None)
-        self._now_ns = self._start_ns if self._next is None else self._next.log_ns
-        self._told_ns = self._now_ns - CLOCK_STEP_NS
+    def _begin(self) -> None:
+        """Publish what was latched before the position, and let the time run from now on."""
+        self._told_ns = -CLOCK_STEP_NS
         self._last_tick = time.monotonic_ns()
+        latched = {topic.name for topic in self._bag.topics
+                   if topic.name in self._senders and _latches(topic)}
+        for message in self._playback.before(latched) if latched else ():
+            self._senders[message.topic].publish(bytes(message.raw))
 
     def _play(self) -> None:
         """Publish what has become due, with the clock before it."""
         tick = time.monotonic_ns()
         elapsed, self._last_tick = tick - self._last_tick, tick
-        if self._paused or self._waiting():
+        if self.paused or self._waiting():
             return
-        self._now_ns += round(elapsed * self._live.value.rate)
-        while self._next is not None and self._next.log_ns <= self._now_ns:
-            self._tell_time(self._next.log_ns)
-            self._senders[self._next.topic].publish(bytes(self._next.raw))
-            self._next = next(self._messages, None)
-        self._tell_time(self._now_ns)
-        if self._next is None:
+        for message in self._playback.advance(round(elapsed * self._live.value.rate)):
+            self._send(message)
+        self._tell_time(self._playback.now_ns)
+        if self._playback.ended:
             self._end()
 
+    def _send(self, message: BagMessage) -> None:
+        self._tell_time(message.log_ns)
+        self._senders[message.topic].publish(bytes(message.raw))
+
     def _tell_time(self, now_ns: int) -> None:
-        if now_ns - self._told_ns >= CLOCK_STEP_NS:
+        if not 0 <= now_ns - self._told_ns < CLOCK_STEP_NS:
             self._told_ns = now_ns
             stamp: Time = time_of(now_ns)
-            self._clock.publish(ClockMessage(clock=stamp))
+            self._time_publisher.publish(ClockMessage(clock=stamp))
 
     def _end(self) -> None:
         if self._live.value.loop:
-            self._rewind()
+            self.seek(self._start_ns())
             return
         self.get_logger().info('end of the bag')
+        self.stop()
+
+    def step(self) -> bool:
+        """Publish the next message, while paused; tell whether there was one."""
+        message = self._playback.step() if self.paused else None
+        if message is not None:
+            self._send(message)
+        return message is not None
+
+    def seek(self, log_ns: int) -> bool:
+        """Go to a log time; tell whether it lies in the bag."""
+        if not self._playback.seek(log_ns):
+            return False
+        self._tell_time(self._playback.now_ns)
+        return True
+
+    def set_rate(self, rate: float) -> bool:
+        """Play faster or slower; tell whether the rate can be used."""
+        [result] = self.set_parameters([Parameter('rate', value=rate)])
+        return bool(result.successful)
+
+    def rate(self) -> float:
+        """Return bag seconds per second."""
+        return self._live.value.rate
+
+    def stop(self) -> None:
+        """End once everyone has what was published."""
         wait_for_delivery(self._senders.values())
         rclpy.try_shutdown()
-
-    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._paused = bool(request.data)
-        response.success = True
-        response.message = 'paused' if self._paused else 'playing'
-        return response
 
 
 def _names(listed: str) -> list[str]:
@@ -162,11 +204,23 @@ def _message_type(name: str) -> Any | None:
         return None
 
 
-def _qos(topic: str) -> QoSProfile:
-    """Offer reliable delivery, which suits every subscriber; latched where late comers need it."""
-    if topic in LATCHED:
-        return QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    return QoSProfile(depth=10)
+def _latches(topic: Topic) -> bool:
+    """Whether a topic was offered transient local, or must be where nothing was recorded."""
+    if not topic.offered:
+        return topic.name.rsplit('/', 1)[-1] in LATCHED
+    return any(offer.latched for offer in topic.offered)
+
+
+def _qos(topic: Topic) -> QoSProfile:
+    """Offer what was recorded; of several publishers what suits most subscribers."""
+    latched = _latches(topic)
+    depth = max([LATCHED_DEPTH if latched else DEPTH, *(offer.depth for offer in topic.offered)])
+    qos = QoSProfile(depth=min(depth, MOST_DEPTH))
+    if topic.offered and not any(offer.reliable for offer in topic.offered):
+        qos.reliability = ReliabilityPolicy.BEST_EFFORT
+    if latched:
+        qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+    return qos
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -59,14 +59,7 @@ class Bag:
             open_source(file) for path in paths for file in self._files(user_path(path))
         ]
         self._undecodable: set[str] = set()
-        counts: dict[tuple[str, str, str], int] = {}
-        for topic in (topic for source in self._sources for topic in source.topics):
-            key = (topic.name, topic.msgtype, topic.encoding)
-            counts[key] = counts.get(key, 0) + topic.messages
-        self.topics = [
-            Topic(name, kind, count, encoding)
-            for (name, kind, encoding), count in sorted(counts.items())
-        ]
+        self.topics = _merged(topic for source in self._sources for topic in source.topics)
         filled = [source for source in self._sources if any(t.messages for t in source.topics)]
         self.start_ns, self.end_ns, strays = drive_times(
             min((source.start_ns for source in filled), default=0),
@@ -177,6 +170,18 @@ class Bag:
             self._notes.append(f'{path}: unreadable; the files are read without it')
             return None
         return info if isinstance(info, dict) else None
+
+
+def _merged(parts: Iterable[Topic]) -> list[Topic]:
+    """Return the topics of all files, by name: counts added up, offers one after another."""
+    found: dict[tuple[str, str, str], Topic] = {}
+    for part in parts:
+        key = (part.name, part.msgtype, part.encoding)
+        known = found.get(key)
+        found[key] = part if known is None else known._replace(
+            messages=known.messages + part.messages, offered=known.offered + part.offered
+        )
+    return [found[key] for key in sorted(found)]
 
 
 def _announced(source: Source, topics: Collection[str], start_ns: int,

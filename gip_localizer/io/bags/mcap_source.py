@@ -22,6 +22,7 @@ from mcap.stream_reader import StreamReader
 from mcap.summary import Summary
 
 from gip_localizer.errors import BagError
+from gip_localizer.io.bags.offered_qos import offered_qos
 from gip_localizer.io.bags.source import BagMessage, DAMAGE, Topic
 
 RECORD_LIMIT = 2**29
@@ -78,8 +79,7 @@ class McapSource:
         self.end_ns = summary.statistics.message_end_time
         counts = summary.statistics.channel_message_counts
         self.topics = [
-            Topic(channel.topic, _type_name(summary.schemas.get(channel.schema_id)),
-                  counts.get(key, 0), channel.message_encoding)
+            _topic(channel, summary.schemas.get(channel.schema_id), counts.get(key, 0))
             for key, channel in sorted(summary.channels.items())
         ]
 
@@ -105,8 +105,7 @@ class McapSource:
             self._note_end(error, sum(counts.values()), ((last - (first or 0)) * 1e-9))
         self.start_ns, self.end_ns = first or 0, last
         self.topics = [
-            Topic(channel.topic, _type_name(schemas.get(channel.schema_id)), counts[key],
-                  channel.message_encoding)
+            _topic(channel, schemas.get(channel.schema_id), counts[key])
             for key, channel in sorted(channels.items())
         ]
 
@@ -140,6 +139,11 @@ class McapSource:
                 if channel.topic in topics:
                     kind = _type_name(schemas.get(channel.schema_id))
                     yield BagMessage(channel.topic, kind, record.log_time, record.data)
+
+
+def _topic(channel: Channel, schema: Schema | None, messages: int) -> Topic:
+    return Topic(channel.topic, _type_name(schema), messages, channel.message_encoding,
+                 offered_qos(channel.metadata.get('offered_qos_profiles', '')))
 
 
 def _type_name(schema: Schema | None) -> str:

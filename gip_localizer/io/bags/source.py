@@ -14,6 +14,8 @@ from mcap.exceptions import McapError
 from rosbags.rosbag2 import ReaderError
 import zstandard
 
+from gip_localizer.io.bags.offered_qos import OfferedQos
+
 END = 2**64
 """First value (ns) beyond the log times of MCAP, which are unsigned with 64 bits."""
 DAMAGE = (McapError, ReaderError, struct.error, ValueError, KeyError, TypeError, RuntimeError,
@@ -22,12 +24,18 @@ DAMAGE = (McapError, ReaderError, struct.error, ValueError, KeyError, TypeError,
 
 
 class Topic(NamedTuple):
-    """A topic of a bag: its name, its type, its number of messages, its encoding."""
+    """
+    A topic of a bag: its name, its type, its number of messages, its encoding.
+
+    `offered` is the quality of service of each of its publishers, where it was recorded.
+
+    """
 
     name: str
     msgtype: str
     messages: int
     encoding: str
+    offered: tuple[OfferedQos, ...] = ()
 
 
 class BagMessage(NamedTuple):

@@ -17,6 +17,7 @@ from rosbags.rosbag2 import Reader
 from gip_localizer.errors import BagError
 from gip_localizer.io.bags.compression import is_compressed, PlainCopy, storage_suffix
 from gip_localizer.io.bags.mcap_source import McapSource
+from gip_localizer.io.bags.offered_qos import offered_by
 from gip_localizer.io.bags.source import BagMessage, DAMAGE, Source, Topic
 
 SQLITE_END = 2**63 - 1
@@ -75,7 +76,8 @@ class RosbagsSource:
             self.start_ns, self.end_ns = reader.start_time, reader.end_time
             self.topics = [
                 Topic(c.topic, c.msgtype, c.msgcount,
-                      getattr(c.ext, 'serialization_format', 'cdr'))
+                      getattr(c.ext, 'serialization_format', 'cdr'),
+                      offered_by(getattr(c.ext, 'offered_qos_profiles', ())))
                 for c in reader.connections
             ]
 
