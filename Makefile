@@ -15,7 +15,7 @@ READY = $(VENV)/.ready
 RESULTS = --out $(or $(OUT),results/$@) $(if $(OUT),,--force)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo replay evaluate bench paper params figures fit-confidence error-level test lint type pytest numpy fuzz soak clean
+.PHONY: help setup demo replay evaluate bench paper params figures fit-confidence fit-protection error-level test lint type pytest numpy fuzz soak clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
@@ -61,6 +61,9 @@ figures: $(READY) ## draw the README's picture again
 
 fit-confidence: $(READY) ## fit the confidence of a match again (TRIALS=new: make its trials first, 15 minutes)
 	@$(VENV)/bin/python -m gip_localizer.evaluation.confidence --write $(if $(TRIALS),--trials)
+
+fit-protection: $(READY) ## fit the tails of the protection level again (10 minutes)
+	@$(VENV)/bin/python -m gip_localizer.evaluation.protection_fit
 
 error-level: $(READY) ## consistency of the covariances for settings of the error level (10 minutes)
 	@$(VENV)/bin/python -m gip_localizer.evaluation.error_level_study

@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.pose import Pose2
+from gip_localizer.core.protection import PROTECTION
 from gip_localizer.parameters.integration import Diagnostics
 from gip_localizer.session.diagnostic_rules import DIAGNOSTIC_GROUPS, rule_of, Severity
 from gip_localizer.session.diagnostics import HealthMonitor
@@ -160,6 +161,15 @@ def test_slow_is_a_median_above_the_time_between_images(health):
         health.on_image(n * SECOND // 10, n * SECOND // 10)
         health.frame_finished(GOOD, 120.0)
     assert report(health, 'match').message == 'SLOW: 120 ms per frame, one image every 100 ms'
+
+
+def test_a_protection_level_above_its_alert_limit_is_reported(health):
+    level = dict.fromkeys(PROTECTION, 0.5)
+    health.frame_finished(replace(GOOD, quality={**level, 'protection_valid': 0.0}), 5.0)
+    assert rules(health) == {'ALERT_LIMIT'}
+    assert 'protection_left_m 0.5' in report(health, 'output').message
+    health.frame_finished(replace(GOOD, quality={**level, 'protection_valid': 1.0}), 5.0)
+    assert rules(health) == set()
 
 
 def test_disabled_outdoes_all_else_on_the_output(health):

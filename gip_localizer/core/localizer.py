@@ -26,6 +26,7 @@ from gip_localizer.core.integrity import judge, Verdict
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.map.resampling import contrast
 from gip_localizer.core.pose import Pose2
+from gip_localizer.core.protection import PROTECTION, protection_level
 from gip_localizer.core.refine.observation import FrameErrors
 from gip_localizer.core.search.frame_search import FrameSearch
 from gip_localizer.core.search.local_search import SearchResult
@@ -266,8 +267,26 @@ class Localizer:
             stamp_ns=stamp_ns, status=verdict.status, reason=verdict.reason,
             pose=belief.pose if belief else None,
             covariance=belief.covariance if belief else None,
-            quality=verdict.quality, timings_ms=self._timings, match=match,
+            quality={**verdict.quality, **self._protection(belief)}, timings_ms=self._timings,
+            match=match,
         )
+
+    def _protection(self, belief: Belief | None) -> dict[str, float]:
+        """Protection level of a pose by name, and whether it meets the alert limits (1 or 0)."""
+        if belief is None or self._prepared is None:
+            return {}
+        limits = self.parameters.integrity
+        levels = protection_level(
+            belief.covariance, belief.pose, self._prepared.refiner.mount, limits.risk
+        )
+        alerts = (limits.alert_ahead, limits.alert_left, limits.alert_yaw)
+        valid = all(
+            level <= alert or alert == 0.0 for level, alert in zip(levels, alerts, strict=True)
+        )
+        return {
+            **{name: float(level) for name, level in zip(PROTECTION, levels, strict=True)},
+            'protection_valid': float(valid),
+        }
 
     @contextmanager
     def _stage(self, name: str) -> Iterator[None]:

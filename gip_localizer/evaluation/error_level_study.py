@@ -17,16 +17,12 @@ import sys
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.refine.error_level import ErrorLevel, LevelSettings
 from gip_localizer.core.threads import use_one_thread
+from gip_localizer.evaluation.development import development_matches, SEEDS, SETUPS
 from gip_localizer.evaluation.error_table import ELLIPSE_95
-from gip_localizer.evaluation.suites.conditions import CONDITIONS, Setup
-from gip_localizer.evaluation.suites.model_error import CAUSES
-from gip_localizer.evaluation.suites.trials import Bench, Spread
+from gip_localizer.evaluation.suites.conditions import Setup
 
-SEEDS = range(7101, 7107)  # of the worlds
-FRAMES = 4  # of each world
 DEFAULT = LevelSettings()
 OPTIONS = {
     'default': DEFAULT,
@@ -46,7 +42,7 @@ def main() -> int:
     """Print a table: mean NEES and share inside the 95 % ellipse by cause and option."""
     use_one_thread()
     _write('', list(OPTIONS))
-    for setup in (*CAUSES, *CONDITIONS):
+    for setup in SETUPS:
         levels = {name: ErrorLevel(settings=option) for name, option in OPTIONS.items()}
         found = [judged for seed in SEEDS for judged in _frames(setup, seed, levels)]
         _write(setup.name, [
@@ -63,18 +59,9 @@ def _write(name: str, cells: list[str]) -> None:
 
 def _frames(setup: Setup, seed: int, levels: dict[str, ErrorLevel]) -> Iterator[Judged]:
     """Match the frames of one world; `levels` learns from each."""
-    bench = Bench(setup, seed, {})
-    for index in range(FRAMES):
-        rng = bench.rng(index)
-        frame = bench.frame(rng)
-        truth = bench.truth(frame)
-        estimate = bench.localize(frame.image, truth @ Spread().offset(rng), Spread().covariance)
-        fit = estimate.match.fit if estimate.match else None
-        if fit is None or not estimate.published:
-            continue
+    for error, fit in development_matches(setup, seed):
         shared = {name: fit.find_shared(level) for name, level in levels.items()}
         levels.update({name: found.level for name, found in shared.items()})
-        error = difference(truth.inverse() @ fit.pose, Pose2(0.0, 0.0, 0.0))
         yield error, [fit.own_covariance + found.covariance for found in shared.values()]
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from gip_localizer.evaluation.camera_motion import corrections, mean_camera_motion
 from gip_localizer.evaluation.error_table import ELLIPSE_95, ErrorTable, tabulate_errors
+from gip_localizer.evaluation.protection_metrics import protection_metrics
 from gip_localizer.evaluation.run import FrameResult, Run
 
 Floats = NDArray[np.float64]
@@ -56,6 +57,7 @@ def compute_metrics(run: Run) -> Metrics:
         **_counts(table, run.estimates),
         **_errors(table),
         **_consistency(table),
+        'protection': protection_metrics(run.estimates, table),
         'camera_motion': mean_camera_motion(run.estimates),
         'corrections': corrections(run.estimates, run.parameters),
         **_speed(run),
@@ -178,6 +180,9 @@ TABLE = (
     ('p95_xy_m', 'position error, 95th percentile', 'mm', 1e3, '.1f'),
     ('max_xy_m', 'position error, largest', 'mm', 1e3, '.1f'),
     ('wrong_published', 'wrong poses published', '', 1.0, '.0f'),
+    ('protection.misleading', 'errors above the protection level', '', 1.0, '.0f'),
+    ('protection.median_ahead_m', 'protection level ahead, median', 'mm', 1e3, '.1f'),
+    ('protection.median_left_m', 'protection level left, median', 'mm', 1e3, '.1f'),
     ('nees_mean', 'NEES, mean: error² over covariance (consistent: 3)', '', 1.0, '.2f'),
     ('coverage_95', 'truth inside the 95 % ellipse', '%', 100.0, '.1f'),
     ('camera_motion.pitch_deg', 'pitch from calibration, mean', 'deg', 1.0, '+.3f'),

@@ -167,6 +167,13 @@ class Integrity:
                             low=1e-3, high=100.0)
     max_sigma_yaw: float = p(0.05, 'Largest heading standard deviation that is published.',
                              unit='rad', low=1e-4, high=3.2)
+    risk: float = p(1e-5, 'Probability with which an error may exceed the protection level.',
+                    low=1e-9, high=0.1)
+    alert_ahead: float = p(0.0, 'Largest protection level along the vehicle that counts as '
+                           'valid; 0: any.', unit='m', low=0.0, high=1000.0)
+    alert_left: float = p(0.0, 'The same across the vehicle; 0: any.', unit='m', low=0.0,
+                          high=1000.0)
+    alert_yaw: float = p(0.0, 'The same in heading; 0: any.', unit='rad', low=0.0, high=3.2)
     lost_after: int = p(5, 'Frames in a row without a fix after which the node is lost.', low=1,
                         high=10000)
 

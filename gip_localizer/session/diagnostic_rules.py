@@ -222,6 +222,8 @@ OUTPUT = DiagnosticGroup('output', (
     Rule('WAITING', W, 'no frame has been localized yet'),
     Rule('WITHHELD', E, 'the last frame gave no pose; the message names the status with '
          'the reason'),
+    Rule('ALERT_LIMIT', W, 'the protection level of the last pose exceeds integrity.alert_ahead, '
+         'alert_left or alert_yaw', withheld=False),
     Rule('NO_TF', W, 'tf.publish is set, and there was no odometry at the image, or no pose for '
          'tf.hold; poses are published', withheld=False),
     Rule('TF_CONTESTED', W, 'another node publishes the transform from frames.map to frames.odom '
@@ -232,6 +234,10 @@ OUTPUT = DiagnosticGroup('output', (
     'published': ('', 'published poses'),
     'availability': ('', 'share of the frames that gave a pose'),
     'pose_age': ('s', 'time since the last published pose'),
+    'protection_ahead_m': ('m', 'error along the vehicle that is exceeded with integrity.risk'),
+    'protection_left_m': ('m', 'the same across the vehicle'),
+    'protection_yaw_rad': ('rad', 'the same in heading'),
+    'protection_valid': ('', '1: the protection level meets integrity.alert_*; 0: it does not'),
 })  # fmt: skip
 
 DIAGNOSTIC_GROUPS = (CAMERA, CALIBRATION, MAP, PRIOR, ODOMETRY, MATCH, OUTPUT)

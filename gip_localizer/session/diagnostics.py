@@ -11,6 +11,7 @@ import time
 import numpy as np
 
 from gip_localizer.core.estimate import Estimate, Status
+from gip_localizer.core.protection import PROTECTION
 from gip_localizer.parameters.integration import Diagnostics
 from gip_localizer.session.diagnostic_figures import counter_figures, estimate_figures
 from gip_localizer.session.diagnostic_report import Report
@@ -160,6 +161,10 @@ class HealthMonitor:
                    if role in self._complaints}
         if self.estimate is not None and self.estimate.status is not Status.TRACKING:
             active[str(self.estimate.status)] = self.estimate.reason
+        if self.estimate is not None and self.estimate.quality.get('protection_valid') == 0.0:
+            active['ALERT_LIMIT'] = ', '.join(
+                f'{name} {self.estimate.quality[name]:.3g}' for name in PROTECTION
+            )
         if self.searching:
             active['SEARCHING'] = f'for {self.steady() - self._busy[0]:.1f} s'
         if slow := self._timing.slow():

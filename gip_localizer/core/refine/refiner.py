@@ -82,6 +82,11 @@ class Refiner:
     sigma_yaw : float
         Standard deviation of the camera's calibrated yaw, rad.
 
+    Attributes
+    ----------
+    mount : (3, 3) float64
+        Covariance of x, y (m) and yaw (rad) from that yaw, in the axes of the pose.
+
     """
 
     def __init__(
@@ -95,7 +100,7 @@ class Refiner:
         self._smooth_errors = SmoothErrors(
             self._stages[-1].block_centres, rectifier.camera.extrinsics.position()
         )
-        self._mount = _of_mount_yaw(rectifier.camera.extrinsics.position(), sigma_yaw)
+        self.mount = _of_mount_yaw(rectifier.camera.extrinsics.position(), sigma_yaw)
 
     def layers(
         self, view: View, weight: Floats, crop: Crop, errors: FrameErrors | None = None,
@@ -183,7 +188,7 @@ class Refiner:
 
     def _shared(self, sums: BlockSums, place: Pose2, level: ErrorLevel) -> SharedErrors:
         smooth = self._smooth_errors.shared(sums, level, place)
-        return replace(smooth, covariance=smooth.covariance + self._mount)
+        return replace(smooth, covariance=smooth.covariance + self.mount)
 
 
 def _of_mount_yaw(camera: Floats, sigma: float) -> Floats:

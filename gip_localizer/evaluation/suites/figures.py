@@ -12,9 +12,12 @@ import numpy as np
 from gip_localizer.evaluation.report_figures import NEES_95
 from gip_localizer.evaluation.suites.conditions import CONDITIONS
 from gip_localizer.evaluation.suites.integrity import confidences, GROUPS
+from gip_localizer.evaluation.suites.protection import stanford_diagram
 from gip_localizer.evaluation.suites.suite import of_part, Record
 from gip_localizer.visualization.style import ESTIMATE, WRONG
 
+DIAGRAM_RISK = 1e-5
+"""Risk of the protection levels in the Stanford diagram."""
 SIZE, WIDE = (7.2, 3.4), (11.0, 3.2)
 """Widths and heights of charts, inches; chosen."""
 
@@ -28,6 +31,7 @@ def charts(records: Sequence[Record], least_confidence: float) -> dict[str, Figu
     integrity = [r for r in records if r.suite == 'integrity']
     if integrity:
         figures['integrity'] = confidence_chart(integrity, least_confidence)
+        figures['stanford'] = stanford_diagram([r.trial for r in integrity], DIAGRAM_RISK)
     return figures
 
 

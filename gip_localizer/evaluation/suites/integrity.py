@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from gip_localizer.core.pose import Pose2
+from gip_localizer.evaluation.suites import protection
 from gip_localizer.evaluation.suites.conditions import (
     CARS,
     CHANGED,
@@ -94,7 +95,10 @@ class Integrity:
                 rows += [_row('  ' + s.name, of_part(records, s.name)) for s in setups]
         kinds = [(f'any: {kind}', [r for r in records if r.kind == kind]) for kind in WRONG_KINDS]
         rows += [_row(*kind) for kind in kinds]
+        trials = [r.trial for r in records]
+        demands += protection.bounds('protection level', trials)
         return Section(self.name, self.title, self.columns, rows, demands, (
+            *protection.notes(trials),
             'A start is right if its window holds the truth. A wrong start counts as withheld if '
             'no wrong pose is published from it, a right one if no pose is published.',
             'Repeated ground has several equal places in every window, so every start is wrong.',

@@ -83,7 +83,7 @@ class Localization:
 
     def _wire(self) -> None:
         node, frames = self._node, self._parameters.frames
-        self._outputs = Outputs(node, frames.map, self._map.raster_map)
+        self._outputs = Outputs(node, frames.map, frames.base, self._map.raster_map)
         self._diagnostics = DiagnosticsPublisher(node, self._health)
         self._worker: Worker[Estimate] = Worker(node)
         self._tf = None

@@ -4,17 +4,19 @@
 
 from __future__ import annotations
 
-from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Vector3Stamped
 from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import Image
-from std_msgs.msg import Float64
+from std_msgs.msg import Bool, Float64
 
 from gip_localizer.core.estimate import Estimate
 from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.protection import PROTECTION
 from gip_localizer.ros.conversions import (
     bgr8,
+    header_of,
     mono8,
     occupancy_grid,
     pose_stamped,
@@ -38,16 +40,16 @@ class Outputs:
     ----------
     node : Node
         Publishes.
-    frame : str
-        The map's frame, in which poses are given.
+    frame, base : str
+        The map's frame, in which poses are given, and the vehicle's, for protection levels.
     raster_map : RasterMap
         Published once, for those who come later too.
 
     """
 
-    def __init__(self, node: Node, frame: str, raster_map: RasterMap) -> None:
+    def __init__(self, node: Node, frame: str, base: str, raster_map: RasterMap) -> None:
         self._node = node
-        self._frame = frame
+        self._frame, self._base = frame, base
         self._raster_map = raster_map
         reliable = QoSProfile(depth=10)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -56,6 +58,8 @@ class Outputs:
         self._with_covariance = advertise(node, posed, 'pose_with_covariance', reliable)
         self._last_pose = advertise(node, posed, '~/last_pose', latched)
         self._figures = {topic: advertise(node, Float64, topic, reliable) for topic in FIGURES}
+        self._protection = advertise(node, Vector3Stamped, '~/protection_level', reliable)
+        self._valid = advertise(node, Bool, '~/protection_valid', reliable)
         self._execution = advertise(node, Float64, '~/execution_time_ms', reliable)
         self._birdseye = advertise(node, Image, '~/birdseye', qos_profile_sensor_data)
         self._comparison = advertise(node, Image, '~/comparison', qos_profile_sensor_data)
@@ -78,10 +82,20 @@ class Outputs:
             certain = pose_with_covariance(posed, attitude.covariance(estimate.covariance))
             self._with_covariance.publish(certain)
             self._last_pose.publish(certain)
+            self._publish_protection(estimate)
         self._execution.publish(Float64(data=elapsed_ms))
         for topic, name in FIGURES.items():
             if name in estimate.quality:
                 self._figures[topic].publish(Float64(data=float(estimate.quality[name])))
+
+    def _publish_protection(self, estimate: Estimate) -> None:
+        """Publish the protection level of a pose: ahead, left (m), heading (rad) as x, y, z."""
+        level = Vector3Stamped(header=header_of(estimate.stamp_ns, self._base))
+        level.vector.x, level.vector.y, level.vector.z = (
+            float(estimate.quality[name]) for name in PROTECTION
+        )
+        self._protection.publish(level)
+        self._valid.publish(Bool(data=bool(estimate.quality['protection_valid'])))
 
     def publish_pictures(self, estimate: Estimate, frame: str, frontend: Frontend) -> None:
         """

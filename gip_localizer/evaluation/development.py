@@ -1,0 +1,51 @@
+# SPDX-FileCopyrightText: gip_localizer contributors
+# SPDX-License-Identifier: Apache-2.0
+"""Matches on which constants are fitted: their worlds are used by no reported number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from gip_localizer.core.arrays import Floats
+from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.core.refine.fit import Fit
+from gip_localizer.evaluation.suites.conditions import CONDITIONS, Setup
+from gip_localizer.evaluation.suites.model_error import CAUSES
+from gip_localizer.evaluation.suites.trials import Bench, Spread
+from gip_localizer.parameters.spec import Value
+
+SEEDS = range(7101, 7107)  # of the worlds
+FRAMES = 4  # of each world
+SETUPS: tuple[Setup, ...] = (*CAUSES, *CONDITIONS)
+
+
+def development_matches(
+    setup: Setup, seed: int, overrides: Mapping[str, Value] | None = None
+) -> Iterator[tuple[Floats, Fit]]:
+    """
+    Yield the published matches of a world.
+
+    Parameters
+    ----------
+    setup : Setup
+        What is rendered and how it is localized.
+    seed : int
+        Of the world, one of `SEEDS`.
+    overrides : dict or None
+        Changes of the localizer's parameters.
+
+    Yields
+    ------
+    (3,) float64, Fit
+        Error ahead, left (m), yaw (rad), and the match.
+
+    """
+    bench = Bench(setup, seed, overrides or {})
+    for index in range(FRAMES):
+        rng = bench.rng(index)
+        frame = bench.frame(rng)
+        truth = bench.truth(frame)
+        estimate = bench.localize(frame.image, truth @ Spread().offset(rng), Spread().covariance)
+        fit = estimate.match.fit if estimate.match else None
+        if fit is not None and estimate.published:
+            yield difference(truth.inverse() @ fit.pose, Pose2(0.0, 0.0, 0.0)), fit
