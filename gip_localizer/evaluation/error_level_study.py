@@ -27,8 +27,8 @@ DEFAULT = LevelSettings()
 OPTIONS = {
     'default': DEFAULT,
     'not learned': replace(DEFAULT, most_learned=0.0),
-    'rarity 0.8': replace(DEFAULT, rarity=0.8),
-    'rarity 0.6': replace(DEFAULT, rarity=0.6),
+    'rarity 1.0': replace(DEFAULT, rarity=1.0),
+    'rarity 1.6': replace(DEFAULT, rarity=1.6),
     'memory 20': replace(DEFAULT, memory=20.0),
     'learned 0.98, half at 2': replace(DEFAULT, most_learned=0.98, half_learned=2.0),
     'spread 0.1': replace(DEFAULT, spread=0.1),

@@ -28,28 +28,30 @@ class LevelSettings:
     """
     How the level is learned.
 
-    The defaults are design choices within ranges that give the same results; `make error-level`
-    prints the consistency of the covariances with others, on worlds that no reported number uses.
+    The defaults were compared with others by `make error-level`, on worlds that no reported number
+    uses.
 
     Attributes
     ----------
     rarity : float
-        Power with which the fixed density of s² falls: most views have no smooth error. At less
-        than 0.8 the covariances of exact roads are too large.
+        Power with which the fixed density of s² falls: most views have no smooth error. With 1.0,
+        1.3 and 1.6 the mean NEES of exact roads is 2.7, 2.9 and 3.0 (3 is consistent), and
+        83 to 92, 79 to 83 and 79 % of the poses under shadows and glare are inside the ellipse.
     most_learned : float
-        Largest share of the learned part of the prior, 0..1.
+        Largest share of the learned part of the prior, 0..1: 0.5 to 0.98 give the same results.
     half_learned : float
-        Number of frames for half of that share.
+        Number of frames for half of that share: 2 gives the same results.
     memory : float
         Number of frames over which the level is averaged, so that it follows a change of the
-        road.
+        road: 20 give the same results.
     spread : float
         Standard deviation of what one frame teaches, in steps of the grid: strengths vary from
-        place to place. Without it curves after straight road are believed too much.
+        place to place. At 0.5 and below, 83 instead of 96 % of the poses on banked curves are
+        inside the ellipse.
 
     """
 
-    rarity: float = 1.0
+    rarity: float = 1.3
     most_learned: float = 0.9
     half_learned: float = 4.0
     memory: float = 10.0
