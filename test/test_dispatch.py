@@ -89,6 +89,7 @@ def test_an_unexpected_exception_costs_its_message_alone(road, scene):  # noqa: 
     assert fault.status is Status.FAULT
     run.send(ODOMETRY, Message())
     assert 'fault of gip_localizer' in run.dispatch.first_complaints[ODOMETRY]
+    assert run.dispatch.frontend.counts['odom_refused'] == 1
     assert sum('Traceback' in text for text in run.log) == 2
     [estimate] = run.send(IMAGE, image(pixels, S + TENTH))
     assert estimate.published

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import array
+import math
 import struct
 import zlib
 
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 
 from gip_localizer.errors import ImageError
-from gip_localizer.io.images import _chroma_rows, compressed_grey_image, grey_image, LAYOUTS
+from gip_localizer.io.images import CHROMA_ROWS, compressed_grey_image, grey_image, LAYOUTS
 
 RNG = np.random.default_rng(4)
 HEIGHT, WIDTH = 12, 18
@@ -95,7 +96,7 @@ def test_yuv_gives_its_luminance(encoding, code, pad):
 @pytest.mark.parametrize('size', [(1, 1), (1, 3), (2, 2), (3, 3), (480, 4)])
 def test_every_encoding_works_at_small_sizes_and_without_the_last_padding(encoding, size):
     channels, depth = LAYOUTS[encoding]
-    colour_rows = _chroma_rows(encoding, size[0])
+    colour_rows = math.ceil(CHROMA_ROWS.get(encoding, 0) * size[0] / 2)
     rows = RNG.integers(0, 256, (size[0] + colour_rows, size[1] * channels * depth), np.uint8)
     message = image_message(rows, encoding, width=size[1], pad=5)
     message.height = size[0]

@@ -18,7 +18,6 @@ from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.map.resampling import scaled
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.core.search import global_search as recovery
 from gip_localizer.core.track.odometry import OdometrySample
 from gip_localizer.parameters import Parameters
 
@@ -480,22 +479,6 @@ def test_a_view_across_the_lane_is_found_on_the_whole_map(road):
     estimate = localizer.update(S, road.frame(CAMERA, pose), CAMERA)
     check(estimate, pose)
     assert estimate.status is Status.TRACKING
-
-
-def test_the_best_place_of_the_map_wins_though_a_look_around_the_first_finds_less(
-    road, frame, monkeypatch
-):
-    def elsewhere(found, searched):
-        pose = found.fits[0].pose
-        return searched(Pose2(pose.x + 2.0, pose.y, pose.yaw)).beside(found.fits)
-
-    places = recovery.coarse_places
-    monkeypatch.setattr(recovery, 'coarse_places', lambda *a: 2 * places(*a)[:1])
-    monkeypatch.setattr(recovery, 'around_winner', elsewhere)
-    localizer = make(road, recovery__confirm_frames=1)
-    localizer.relocalize()
-    found = localizer.update(S, frame[1], CAMERA).match.fit
-    assert np.abs(difference(found.pose, frame[0])).max() < 0.05
 
 
 @pytest.mark.parametrize('pose', [Pose2(math.nan, 0.0, 0.0), Pose2(0.0, 0.0, math.inf)])

@@ -105,10 +105,19 @@ def test_memory_is_bounded_and_no_image_comes_out_twice(steps):
         found = pairs.add_image(message, now * MS) if is_image else pairs.add_mask(message)
         out += [id(found.image)] if found else []
         out += [id(m.image) for m in pairs.overdue(now * MS)]
-        assert max(len(pairs._images), len(pairs._masks)) <= MOST_WAITING
-    out += [id(m.image) for m in pairs.flush()]
+    left = pairs.flush()
+    assert len(left) <= MOST_WAITING
+    out += [id(m.image) for m in left]
     assert len(out) == len(set(out))
     assert len(out) + pairs.dropped == sum(is_image for is_image, _ in steps)
+
+
+def test_of_masks_without_an_image_the_newest_are_kept():
+    pairs, stamps_ms = pairing(), range(100, 101 + MOST_WAITING)
+    for stamp in stamps_ms:
+        assert pairs.add_mask(tiny(stamp)) is None
+    assert pairs.add_image(tiny(stamps_ms[0]), 0) is None
+    assert stamps(pairs.add_image(tiny(stamps_ms[1]), 0)) == (stamps_ms[1], stamps_ms[1])
 
 
 @pytest.fixture(scope='module')

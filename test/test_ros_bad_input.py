@@ -40,7 +40,7 @@ class Vehicle:
         self.stamp += TENTH
         place = self.turn % len(self.places)
         for offset_ns, pose, frames in odometry or [(0, self.places[place], {})]:
-            self._odometry(self.stamp + offset_ns, pose, **frames)
+            self.odometry(self.stamp + offset_ns, pose, **frames)
         noisy = self.views[place] + self.rng.normal(0.0, 2.0, self.views[place].shape)
         self.send(np.clip(noisy, 0, 255).astype(np.uint8), self.stamp)
         self.turn += 1
@@ -52,7 +52,7 @@ class Vehicle:
             self.tester.executor_.spin_once(timeout_sec=0.02)
         assert self.process.poll() is None
 
-    def _odometry(self, stamp, pose, frame='odom', child='base_link'):
+    def odometry(self, stamp, pose, frame='odom', child='base_link'):
         message = Odometry(header=header_of(stamp, frame), child_frame_id=child)
         message.pose.pose = pose_of(pose)
         self.tester.odom.publish(message)
@@ -124,7 +124,7 @@ def test_frames_that_repeat_or_come_late_are_named(vehicle, tester):
 
     def the_same_pixels():
         vehicle.stamp += TENTH
-        vehicle._odometry(vehicle.stamp, Pose2(0.2 * vehicle.stamp / SECOND % 100.0, 0.0, 0.0))
+        vehicle.odometry(vehicle.stamp, Pose2(0.2 * vehicle.stamp / SECOND % 100.0, 0.0, 0.0))
         vehicle.send(pixels, vehicle.stamp)
         return tester.said('camera', 'FROZEN_IMAGE')
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 import math
+from types import SimpleNamespace
 
 from match_samples import texture
 import numpy as np
@@ -14,11 +15,14 @@ import pytest
 from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.birdseye.rectifier import View
 from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.match.lattice import Lattice
 from gip_localizer.core.match.pyramid import coarse_to_fine
 from gip_localizer.core.match.pyramid.coarse_to_fine import pyramid_modes
+from gip_localizer.core.match.score_surface import Scores
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.search import whole_map
-from gip_localizer.core.search.global_search import coarse_places, KEPT, WITHIN
+from gip_localizer.core.search.global_search import coarse_places, KEPT, looked_around, WITHIN
+from gip_localizer.core.search.local_search import SearchResult
 from gip_localizer.core.search.map_crops import MapCrops
 from gip_localizer.core.search.whole_map import average_map
 from gip_localizer.parameters import Parameters
@@ -99,6 +103,32 @@ def test_a_map_without_data_has_no_place_for_a_plain_metric():
     empty = replace(MAP, valid=np.zeros(GREY.shape, bool))
     parameters = PARAMETERS.replace({'score.metric': 'gip'})
     assert coarse_places(view_at(ORIGIN), WEIGHT, MapCrops(empty), parameters) == []
+
+
+def result_at(pose: Pose2, fit_score: float, anchor: Pose2) -> SearchResult:
+    """A search of 0.4 m around an anchor; of its fit no more than is compared."""
+    lattice = Lattice(anchor, 0.1, (4, 4), np.zeros(1))
+    nothing = np.zeros(lattice.shape, np.float32)
+    fit = SimpleNamespace(pose=pose, fit_score=fit_score)
+    return SearchResult(Scores(lattice, nothing, nothing, nothing), None, [fit])
+
+
+@pytest.mark.parametrize(('again', 'wins'), [(None, 'first'), (0.1, 'first'), (0.9, 'aside')])
+def test_the_best_place_wins_whatever_a_look_around_the_first_finds(again, wins):
+    places = {'first': Pose2(1.0, 0.0, 0.0), 'other': Pose2(9.0, 0.0, 0.0),
+              'aside': Pose2(3.0, 0.0, 0.0)}
+    first = result_at(places['first'], 0.6, Pose2(0.0, 0.0, 0.0))  # beyond its window
+    other = result_at(places['other'], 0.5, places['other'])
+    looks = []
+
+    def look(pose):
+        looks.append(pose)
+        return None if again is None else result_at(places['aside'], again, pose)
+
+    best, second = looked_around([first, other], look)
+    assert looks == [places['first']]
+    assert best.fits[0].pose == places[wins]
+    assert second is other
 
 
 def test_the_averaged_map_is_made_once():

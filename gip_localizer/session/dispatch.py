@@ -160,7 +160,7 @@ class Dispatch:
         if role == MASK:
             return frames_of(self._pairing.add_mask(message)) if self._pairing is not None else []
         if fault := fault_of(partial(self._others[role], message), self._log):
-            self.frontend.complaints[role] = fault
+            self.frontend.refuse(role, fault)
         if role in self.frontend.complaints:
             self.first_complaints.setdefault(role, self.frontend.complaints[role])
         return []

@@ -123,7 +123,7 @@ class Frontend:
         try:
             self._calibration = messages.calibration(message)
         except (CalibrationError, ValueError) as error:
-            self._complain('camera_info', str(error))
+            self.refuse('camera_info', str(error))
             return
         note = messages.calibration_note(message)
         self._lens_warnings = {'LENS_UNNAMED': note} if note else {}
@@ -140,19 +140,19 @@ class Frontend:
         try:
             sample = messages.odometry(message)
         except GipError as error:
-            self._complain('odom', str(error))
+            self.refuse('odom', str(error))
             return
         frames = self.parameters.frames
         wrong = messages.other_frame('of', message.child_frame_id, 'frames.base', frames.base) or (
             messages.other_frame('in', message.header.frame_id, 'frames.odom', frames.odom)
         )
         if wrong:
-            self._complain('odom', wrong)
+            self.refuse('odom', wrong)
             return
         if self.localizer.add_odometry(sample):
             self.complaints.pop('odom', None)
         else:
-            self._complain('odom', self.localizer.state.pose_filter.odometry.complaint)
+            self.refuse('odom', self.localizer.state.pose_filter.odometry.complaint)
 
     def on_initial_pose(self, message: Any) -> None:
         """Use a geometry_msgs/PoseWithCovarianceStamped as the prior."""
@@ -160,7 +160,7 @@ class Frontend:
         try:
             self._set_prior(message)
         except GipError as error:
-            self._complain('initialpose', f'{error}; the previous belief is kept')
+            self.refuse('initialpose', f'{error}; the previous belief is kept')
         else:
             self.complaints.pop('initialpose', None)
 
@@ -184,7 +184,7 @@ class Frontend:
         self.camera_frame = str(message.header.frame_id)
         stamp = messages.stamp_ns(message.header)
         if stamp == 0:
-            self._refuse('image')
+            self._count_refused('image')
             return Estimate(stamp, Status.BAD_IMAGE, UNSTAMPED)
         if self._calibration is None:
             wrong = self.complaints.get('camera_info', 'no camera_info received yet')
@@ -196,10 +196,10 @@ class Frontend:
         except MaskError as error:
             return Estimate(stamp, Status.NO_MASK, str(error))
         except ImageError as error:
-            self._refuse('image')
+            self._count_refused('image')
             return Estimate(stamp, Status.BAD_IMAGE, str(error))
         except CalibrationError as error:
-            self._refuse('image')
+            self._count_refused('image')
             return Estimate(stamp, Status.NO_CALIBRATION, str(error))
         pose_filter = self.localizer.state.pose_filter
         self.warnings |= odometry_warnings(stamp, pose_filter)
@@ -227,7 +227,7 @@ class Frontend:
         except MaskError as error:
             rule = 'MASK_MISSING' if masked.mask is None else 'MASK_REFUSED'
             self.warnings[rule] = str(error)
-            self._refuse('mask')
+            self._count_refused('mask')
             if self.parameters.mask.required:
                 raise
             return None
@@ -241,9 +241,10 @@ class Frontend:
     def _count(self, topic: str) -> None:
         self.counts[topic] = self.counts.get(topic, 0) + 1
 
-    def _refuse(self, topic: str) -> None:
+    def _count_refused(self, topic: str) -> None:
         self._count(f'{topic}_refused')
 
-    def _complain(self, group: str, text: str) -> None:
-        self._refuse(group)
-        self.complaints[group] = text
+    def refuse(self, group: str, reason: str) -> None:
+        """Count a message of a group as refused, and keep the reason."""
+        self._count_refused(group)
+        self.complaints[group] = reason

@@ -47,7 +47,7 @@ class _Compared(ctypes.Structure):
     )
 
 
-def _load() -> ctypes.CDLL | None:
+def load() -> ctypes.CDLL | None:
     path = Path(__file__).with_name(f'_kernels{sysconfig.get_config_var("EXT_SUFFIX")}')
     if os.environ.get('GIP_COMPILED') == '0' or not path.exists():
         return None
@@ -75,7 +75,7 @@ def _load() -> ctypes.CDLL | None:
     return library
 
 
-_LIBRARY = _load()
+_LIBRARY = load()
 AVAILABLE = _LIBRARY is not None
 
 

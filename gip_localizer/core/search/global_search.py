@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 import math
 
@@ -84,9 +85,23 @@ def global_search(
     found = _one_each([f for f in searches if f is not None])
     if not found:
         return None
-    found[0] = around_winner(found[0], searched) or found[0]
-    found.sort(key=_fit_score, reverse=True)  # a look around may find less than another place has
-    return _with_competitors(found, independent_cells(weight))
+    return _with_competitors(looked_around(found, searched), independent_cells(weight))
+
+
+def looked_around(
+    found: list[SearchResult], search: Callable[[Pose2], SearchResult | None]
+) -> list[SearchResult]:
+    """
+    Look around the first place where its fit lies beyond what was compared with it.
+
+    Returns
+    -------
+    list of SearchResult
+        Best first: the look may find less than another place has.
+
+    """
+    first = around_winner(found[0], search) or found[0]
+    return sorted([first, *found[1:]], key=_fit_score, reverse=True)
 
 
 def _fit_score(found: SearchResult) -> float:
