@@ -33,10 +33,11 @@ from gip_localizer.ros.player_services import serve
 from gip_localizer.ros.running import run_node
 
 NS = 1_000_000_000
+"""Nanoseconds per second."""
 TICK = 0.002
-"""Seconds between two looks at what is due."""
+"""Period (s) of the timer that publishes due messages; chosen."""
 CLOCK_STEP_NS = 10_000_000
-"""Largest step of `/clock`, bag time."""
+"""Largest step (ns) of `/clock`, in bag time; chosen: 100 Hz at normal speed."""
 LATCHED = ('tf_static',)
 """Last parts of the names of topics that are latched where no quality of service was recorded."""
 DEPTH, LATCHED_DEPTH, MOST_DEPTH = 10, 100, 1000
@@ -119,7 +120,7 @@ class BagPlayerNode(Node):
         return [self._senders[name] for name in names]
 
     def _waiting(self) -> bool:
-        """Whether a topic still lacks its subscriber; once all have one, never again."""
+        """Whether a topic has no subscriber yet; False once all have had one."""
         if all(sender.get_subscription_count() for sender in self._awaited):
             self._awaited = []
         return bool(self._awaited)
@@ -134,7 +135,7 @@ class BagPlayerNode(Node):
             self._senders[message.topic].publish(bytes(message.raw))
 
     def _play(self) -> None:
-        """Publish what has become due, with the clock before it."""
+        """Publish the due messages, and the clock before each."""
         tick = time.monotonic_ns()
         elapsed, self._last_tick = tick - self._last_tick, tick
         if self.paused or self._waiting():

@@ -30,12 +30,14 @@ from gip_localizer.session.attitude import Tilt
 from gip_localizer.synthetic.wheel_odometry import OdometryReading
 
 NS = 1_000_000_000
+"""Nanoseconds per second."""
 LEVEL = Tilt()
 MAX_GRID_CELLS = 4_000_000
-"""A larger map is shown with coarser cells in RViz."""
+"""Largest number of cells of the OccupancyGrid; chosen: larger maps get coarser cells."""
 STRIP_ROWS = 64
-"""Of such cells, made at a time."""
+"""Number of rows of the grid that are computed at once; chosen, to bound the memory."""
 NO_DATA = -1
+"""Occupancy of unknown cells: nav_msgs/OccupancyGrid."""
 
 
 def time_of(stamp_ns: int) -> Time:
@@ -44,12 +46,12 @@ def time_of(stamp_ns: int) -> Time:
 
 
 def header_of(stamp_ns: int, frame: str) -> Header:
-    """Return the header of something that holds at a time in a frame."""
+    """Return a header of a stamp and a frame."""
     return Header(stamp=time_of(stamp_ns), frame_id=frame)
 
 
 def pose_of(pose: Pose2, tilt: Tilt = LEVEL) -> Pose:
-    """Return a planar pose, on z = 0 and level unless told otherwise."""
+    """Return a planar pose; by default z, roll and pitch are 0."""
     message = Pose()
     at, orientation = message.position, message.orientation
     at.x, at.y, at.z = float(pose.x), float(pose.y), tilt.z
@@ -134,7 +136,7 @@ def camera_info(stamp_ns: int, frame: str, calibration: Calibration) -> CameraIn
 
 
 def odometry_of(stamp_ns: int, frame: str, base: str, reading: OdometryReading) -> Odometry:
-    """Return a reading of the wheels as a message, at a time of its own."""
+    """Return a sample of the wheel odometry as a message with its own stamp."""
     sample = reading.sample
     message = Odometry(header=header_of(stamp_ns, frame), child_frame_id=base)
     message.pose.pose = pose_of(sample.pose)

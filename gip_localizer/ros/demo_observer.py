@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The demo's ear: a node that hears poses, ground truth and pictures, and keeps them."""
+"""A node of the demo that receives and stores poses, ground truth and images."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PICTURES = {
     'localizer/overlay': 'the map drawn into the camera image',
 }
 KEPT_FRAMES = 3
-"""Stamps for which pictures are held while waiting for their companions."""
+"""Number of frames that wait for all their images; chosen, to bound the memory."""
 SHOWN = 3
 """Number of frames that the report shows; chosen."""
 
@@ -54,7 +54,7 @@ class DemoObserver:
 
     def __enter__(self) -> DemoObserver:
         """Join the graph."""
-        # Ctrl-C is the demo's own affair: it must end its children first.
+        # The demo handles Ctrl-C itself, because it must end its child processes first.
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node('demo', enable_rosout=False, start_parameter_services=False)
         reliable = QoSProfile(depth=100)
@@ -73,7 +73,7 @@ class DemoObserver:
         rclpy.try_shutdown()
 
     def listen_for(self, seconds: float) -> None:
-        """Take what comes for so long."""
+        """Process messages for some seconds."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0.0:
             try:
@@ -82,14 +82,14 @@ class DemoObserver:
                 return
 
     def look(self) -> None:
-        """Begin to take pictures too."""
+        """Subscribe to the images too."""
         for topic in PICTURES:
             self._node.create_subscription(
                 Image, topic, self._keeper(topic), qos_profile_sensor_data
             )
 
     def exhibits(self) -> list[FrameExhibit]:
-        """Return the frames with the largest errors of those whose pictures all came."""
+        """Return the frames with the largest errors among those with all images."""
         return [
             FrameExhibit(
                 self._title(stamp), stamp,
@@ -113,7 +113,7 @@ class DemoObserver:
         return f'Frame at {seconds:.2f} s: {words}'
 
     def _keep_worst(self, stamp: int, pictures: dict[str, NDArray[Any]]) -> None:
-        """Keep a frame's pictures, whose pose may still come; the best frame makes room."""
+        """Store the images of a frame; of too many frames, remove that with the least error."""
         self._complete[stamp] = pictures
         self._completed += 1
         if len(self._complete) > SHOWN + KEPT_FRAMES:

@@ -30,17 +30,18 @@ from gip_localizer.errors import ParameterError
 
 Made = TypeVar('Made')
 ACKNOWLEDGED = 1.0
-"""Longest time (s) that a reliable reader is waited for."""
+"""Longest time (s) to wait for the acknowledgement of reliable readers; chosen."""
 UNACKNOWLEDGED = 2.0
-"""Time (s) for best-effort readers: a busy machine gives each process its turn within it."""
+"""Time (s) to wait for best-effort readers, also on a busy machine; chosen."""
 POLICIES = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
             QoSPolicyKind.DURABILITY)
-"""Of the quality of service that parameters override."""
+"""QoS policies that parameters can override."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""QoS of topics whose last message is sent to later subscribers."""
 DISCOVERED = 0.5
-"""Seconds between two looks for publishers that latch."""
-SEEN = 10
-"""Messages that are remembered: two subscriptions hear the same one soon after each other."""
+"""Period (s) of the search for transient-local publishers; chosen."""
+STORED_STAMPS = 10
+"""Number of stored stamps for detecting messages received twice; chosen."""
 KINDS = ('publisher', 'subscription', 'service', 'timer')
 
 
@@ -68,18 +69,18 @@ def listen_to_latched(
     node: Node, kind: type[Any], topic: str, use: Callable[[Any], None], qos: QoSProfile
 ) -> None:
     """
-    Subscribe likewise, and hear what was latched before this node came.
+    Subscribe in the same way, and also receive a transient-local message sent earlier.
 
-    A transient-local subscription hears no volatile publisher, and both sides log that; a volatile
-    one hears both, from now on. So the former is made as soon as a transient-local publisher is
-    there, and what is sent to both subscriptions is used once.
+    A transient-local subscription is incompatible with volatile publishers, and both nodes log
+    that; a volatile one receives new messages of both. So the former is added when a
+    transient-local publisher is discovered, and a message received twice is used once.
 
     """
-    seen: deque[int] = deque(maxlen=SEEN)
+    used: deque[int] = deque(maxlen=STORED_STAMPS)
 
     def take(message: Any, info: Mapping[str, int]) -> None:
-        if info['source_timestamp'] not in seen:
-            seen.append(info['source_timestamp'])
+        if info['source_timestamp'] not in used:
+            used.append(info['source_timestamp'])
             use(message)
 
     listen(node, kind, topic, take, qos)
@@ -95,11 +96,11 @@ def listen_to_latched(
 
 
 def publishers_of(node: Node, topic: str, qos: QoSProfile) -> str:
-    """Return a topic's name as it was resolved, and why none of its publishers may be heard."""
+    """Return the resolved name of a topic, and why no message of it is received."""
     resolved = node.resolve_topic_name(topic)
     found = node.get_publishers_info_by_topic(resolved)
     if not found:
-        return f'nothing publishes {resolved}; is the topic remapped?'
+        return f'nothing publishes {resolved}; check the name of the topic'
     if conflict := qos_conflict(resolved, found, qos):
         return conflict
     silent = 'none sends' if len(found) > 1 else 'which sends nothing'
@@ -107,7 +108,7 @@ def publishers_of(node: Node, topic: str, qos: QoSProfile) -> str:
 
 
 def qos_conflict(topic: str, publishers: Sequence[TopicEndpointInfo], qos: QoSProfile) -> str:
-    """Return why a subscription hears none of a topic's publishers; empty: it hears one."""
+    """Return why no publisher of a topic is compatible with a subscription, or empty."""
     if any(qos_check_compatible(one.qos_profile, qos)[0] != QoSCompatibility.ERROR
            for one in publishers):
         return ''
@@ -123,7 +124,7 @@ def _count(topic: str, publishers: Sequence[TopicEndpointInfo]) -> str:
 
 
 def namesakes(node: Node) -> str:
-    """Say how many nodes have this node's full name, where it is not the only one."""
+    """Return a text with the number of nodes of this name; empty if it is unique."""
     own = (node.get_name(), node.get_namespace())
     count = node.get_node_names_and_namespaces().count(own)
     return f'{count} nodes are called {node.get_fully_qualified_name()}' if count > 1 else ''
@@ -157,11 +158,11 @@ def _overridable(topic: str, make: Callable[[QoSOverridingOptions], Made]) -> Ma
 
 def wait_for_delivery(publishers: Iterable[Publisher]) -> None:
     """
-    Wait until readers have what was published: a process that ends takes away what they have not.
+    Wait until readers have the last messages, which are lost when this process ends.
 
-    Reliable readers acknowledge. A best-effort one does not, and reads from this process's shared
-    memory; one whose process was stopped until the writer had gone lost the last image in 2 of 6
-    runs, and in none where the writer stayed.
+    Reliable readers acknowledge messages. Best-effort readers do not, and read from the shared
+    memory of this process: a delayed reader lost the last image in 2 of 6 runs when the writer
+    ended at once, and in none when it waited.
 
     """
     for publisher in publishers:
@@ -170,14 +171,14 @@ def wait_for_delivery(publishers: Iterable[Publisher]) -> None:
 
 
 class Endpoints:
-    """Remembers which endpoints a node has, so that later ones can be taken away again."""
+    """Stores the endpoints of a node, so that those added later can be removed again."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._kept = {kind: set(getattr(node, f'{kind}s')) for kind in KINDS}
 
     def remove_later_ones(self) -> None:
-        """Destroy what was made since."""
+        """Destroy the endpoints that were added since."""
         for kind, kept in self._kept.items():
             destroy = getattr(self._node, f'destroy_{kind}')
             for endpoint in set(getattr(self._node, f'{kind}s')) - kept:

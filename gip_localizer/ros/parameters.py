@@ -31,6 +31,7 @@ from gip_localizer.parameters.spec import ParameterGroup, Spec
 
 Tree = TypeVar('Tree', bound=ParameterGroup)
 LARGEST_INTEGER = 2**53
+"""Largest integer that a double represents exactly, with all smaller ones: IEEE 754."""
 OF_THE_PROCESS = ('lifecycle',)
 """Read-only in every state: the kind of the node follows from it."""
 QOS = 'qos_overrides.'
@@ -108,7 +109,7 @@ class LiveParameters(Generic[Tree]):
 
 
 def descriptor(spec: Spec) -> ParameterDescriptor:
-    """Return what `ros2 param describe` tells of a parameter."""
+    """Return the description of a parameter for `ros2 param describe`."""
     unit = f' [{spec.unit}]' if spec.unit else ''
     described = ParameterDescriptor(
         description=f'{spec.description}{unit}',
@@ -148,7 +149,7 @@ def given_at_start(node: Node) -> Mapping[str, Parameter]:
 
 
 def _warn_of_unknown_names(node: Node, names: frozenset[str]) -> None:
-    """Tell of a misspelt name, which rclpy would ignore."""
+    """Warn of a misspelt name, which rclpy would ignore."""
     for name in given_at_start(node):
         known = name in names or node.has_parameter(name) or name.startswith(QOS)
         if not known:
@@ -156,7 +157,7 @@ def _warn_of_unknown_names(node: Node, names: frozenset[str]) -> None:
 
 
 def warn_of_unknown_qos(node: Node) -> None:
-    """Tell of overrides for topics that the node, with all its topics made, does not have."""
+    """Warn of QoS overrides for topics that the node does not have."""
     known = {f'{QOS}{rest}' for rest in node.get_parameters_by_prefix(QOS.rstrip('.'))}
     for name in given_at_start(node):
         if name.startswith(QOS) and name not in known:

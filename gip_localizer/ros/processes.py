@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes as child processes that do not outlive their parent, whatever ends it."""
+"""Nodes as child processes that end with their parent, however it ends."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from gip_localizer.errors import GipError
 from gip_localizer.parameters.spec import Value
 
 PR_SET_PDEATHSIG = 1
+"""Option of prctl(2) that sends a signal when the parent ends: linux/prctl.h."""
 PATIENCE = ((signal.SIGINT, 5.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 5.0))
-"""How children are asked to end, and for how long (s) each request is waited for."""
+"""Signals that end a child, in order, and the waiting time (s) after each; chosen."""
 Launch = Callable[[str, Sequence[str], Path, Mapping[str, str]], 'subprocess.Popen[bytes]']
 """Starts a node: of its name, its arguments, the file of what it prints, and the environment."""
 
@@ -126,7 +127,7 @@ class NodeProcesses:
         return '\n'.join(text.splitlines()[-15:]) or '(it printed nothing)'
 
     def end(self, *names: str) -> None:
-        """End some of the children: ask, insist, kill; their whole groups."""
+        """End some of the children, with their process groups, by the signals of `PATIENCE`."""
         ending = [self._running.pop(name) for name in names]
         for ask, seconds in PATIENCE:
             for process in ending:

@@ -35,10 +35,11 @@ from gip_localizer.synthetic.wheel_odometry import OdometryReading
 
 EXAMPLE = '-p world.name:=tiles -p rate:=5.0 -p publish.wait:=true'
 NS = 1_000_000_000
+"""Nanoseconds per second."""
 TICK = 0.002
-"""Seconds between two looks at what is due."""
+"""Period (s) of the timer that publishes due messages; chosen."""
 SET_OUT_NS = 200_000_000
-"""Time between the decision to set out and the first frame."""
+"""Time (ns) between the start of the drive and its first frame; chosen."""
 LISTENERS_NS = 5 * NS
 """
 The same, where listeners were waited for: they discover this node and precompute meanwhile.
@@ -48,7 +49,7 @@ the announcements is said again only after 3 s (Fast DDS).
 
 """
 ANNOUNCEMENT = 1.0
-"""Seconds between two calibrations ahead of the first frame."""
+"""Period (s) of the camera_info before the first frame; chosen."""
 CAMERA_FRAME = 'camera'
 
 
@@ -102,7 +103,7 @@ class SyntheticCameraNode(Node):
             del self._drive.synthetic_camera
 
     def _ready(self) -> bool:
-        """Set out when it is time; tell whether the drive has begun."""
+        """Start the drive when it is time; return whether it has begun."""
         if self._set_out:
             return True
         waits = self._live.value.publish.wait
@@ -118,14 +119,14 @@ class SyntheticCameraNode(Node):
         return True
 
     def _announce(self) -> None:
-        """Tell the calibration ahead of the first frame."""
+        """Publish the calibration before the first frame."""
         now = self._now_ns()
         if self._set_out and now < self._drive.start_ns:
             calibration = self._drive.synthetic_camera.calibration
             self._info.publish(camera_info(now, CAMERA_FRAME, calibration))
 
     def _play(self) -> None:
-        """Publish what has become due."""
+        """Publish the due messages."""
         if not self._ready():
             return
         while self._next is not None and self._due(self._next) <= self._now_ns():

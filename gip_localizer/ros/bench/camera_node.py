@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A camera for the benchmark: images made beforehand, so that rendering takes no core."""
+"""A camera for the benchmark, with images made beforehand, so that rendering takes no time."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ from gip_localizer.ros.running import run_node
 
 NAME = 'bench_camera'
 LISTENERS = 2
+"""Number of subscribers to wait for: localizer and echo."""
 
 
 class BenchCamera(Node):
-    """Publishes images, odometry and truth of a folder over and over, stamped with the time."""
+    """Publishes the images, odometry and truth of a folder in a loop, stamped with the clock."""
 
     def __init__(self) -> None:
         super().__init__(NAME)
@@ -63,7 +64,7 @@ class BenchCamera(Node):
         odometry.pose.pose = pose_of(pose)
         self._odom.publish(odometry)
         self._truth.publish(pose_stamped(stamp, 'map', pose))
-        # The stamp is taken as late as can be: what is measured begins here.
+        # The stamp is taken as late as possible: the measurement starts here.
         image.header.stamp = time_of(stamp)
         self._image.publish(image)
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the middleware alone takes: a subscriber that answers every image with its stamp."""
+"""Latency of the middleware alone: a subscriber that answers each image with its stamp."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NAME = 'bench_echo'
 
 
 class BenchEcho(Node):
-    """Receives as the localizer does, with the same depth, and does nothing."""
+    """Receives images with the same QoS as the localizer, and only answers them."""
 
     def __init__(self) -> None:
         super().__init__(NAME)

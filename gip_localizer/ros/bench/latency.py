@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The suite node: a camera, the localizer and an echo in processes of their own, over DDS."""
+"""Benchmark suite `node`: camera, localizer and echo as separate processes over DDS."""
 
 from __future__ import annotations
 
@@ -31,14 +31,18 @@ from gip_localizer.ros.processes import NodeProcesses
 from gip_localizer.synthetic.worlds import road_world
 
 START_WITHIN = 60.0
+"""Longest time (s) until the first poses; chosen."""
 SETTLE = 3.0
+"""Time (s) of operation before the measurement; chosen."""
 FRAMES = 24
+"""Number of images, which are repeated in a loop; chosen."""
 NS = 1_000_000_000
+"""Nanoseconds per second."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What the camera sends."""
+    """Images of the camera: size (px), encoding and rate (Hz)."""
 
     width: int
     height: int
@@ -46,15 +50,16 @@ class Setting:
     rate: float = 30.0
 
     def __str__(self) -> str:
-        """Return as in 1280x720 mono8 at 30 Hz."""
+        """Return a text like `1280x720 mono8 at 30 Hz`."""
         return f'{self.width}x{self.height} {self.encoding} at {self.rate:g} Hz'
 
 
 SETTINGS = (Setting(1280, 720, 'mono8'), Setting(1920, 1080, 'bgr8'))
+"""Measured settings; chosen: common grey and colour cameras."""
 
 
 @dataclass
-class _Heard:
+class _Received:
     """Arrivals (ns of the system clock) by stamp, and errors (m) of the poses."""
 
     sent: dict[int, Pose2] = field(default_factory=dict)
@@ -63,7 +68,7 @@ class _Heard:
 
 
 def node_suite(seconds: float) -> tuple[list[Row], dict[str, Any]]:
-    """Return a row per setting: stamp to pose, beside the echo of the same images."""
+    """Return a row per setting: latency from stamp to pose, and that of the echo."""
     rows, details = [], {}
     for setting in SETTINGS:
         with tempfile.TemporaryDirectory(prefix='gip_bench_') as folder:
@@ -85,7 +90,7 @@ def _run(setting: Setting, folder: Path, seconds: float) -> dict[str, Any]:
     node = Node('bench', enable_rosout=False, start_parameter_services=False)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    heard = _listen(node)
+    received = _listen(node)
     try:
         with NodeProcesses(folder, environment) as nodes:
             localizer = nodes.start('localizer', parameters)
@@ -93,12 +98,14 @@ def _run(setting: Setting, folder: Path, seconds: float) -> dict[str, Any]:
             nodes.start('bench_camera', {
                 'folder': str(folder), 'rate': setting.rate, 'encoding': setting.encoding,
             })
-            _spin(executor, nodes, until=lambda: len(heard.poses) > 5, seconds=START_WITHIN)
-            if not heard.poses:
-                said = nodes.last_words('localizer')
-                raise GipError(f'no pose within {START_WITHIN:g} s; the localizer says: {said}')
+            _spin(executor, nodes, until=lambda: len(received.poses) > 5, seconds=START_WITHIN)
+            if not received.poses:
+                output = nodes.last_words('localizer')
+                raise GipError(
+                    f'no pose within {START_WITHIN:g} s; last output of the localizer: {output}'
+                )
             _spin(executor, nodes, until=lambda: False, seconds=SETTLE)
-            for record in (heard.sent, heard.poses, heard.echoes):
+            for record in (received.sent, received.poses, received.echoes):
                 record.clear()
             figures = _watch(executor, nodes, localizer.pid, seconds)
             nodes.end('bench_camera')
@@ -107,7 +114,7 @@ def _run(setting: Setting, folder: Path, seconds: float) -> dict[str, Any]:
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()
-    return {**_judged(heard), **figures}
+    return {**_summary(received), **figures}
 
 
 def _prepare(setting: Setting, folder: Path) -> dict[str, Any]:
@@ -118,34 +125,34 @@ def _prepare(setting: Setting, folder: Path) -> dict[str, Any]:
     x, y = world.lane.position(np.array([5.0]))[0]
     start = Pose2(float(x), float(y), float(world.lane.heading(np.array([5.0]))[0]))
     poses = straight(start, FRAMES, 0.05)
-    seen = np.stack(images(world.raster, model, poses))
+    pixels = np.stack(images(world.raster, model, poses))
     if setting.encoding == 'bgr8':
-        seen = np.repeat(seen[..., None], 3, axis=3)
-    np.savez(folder / 'drive.npz', images=seen, poses=np.array(poses), K=model.calibration.K)
+        pixels = np.repeat(pixels[..., None], 3, axis=3)
+    np.savez(folder / 'drive.npz', images=pixels, poses=np.array(poses), K=model.calibration.K)
     settings = tracking_parameters(model, start).to_dict()
     return {**settings, 'map_file': str(folder / 'map.yaml')}
 
 
-def _listen(node: Node) -> _Heard:
-    heard = _Heard()
+def _listen(node: Node) -> _Received:
+    received = _Received()
 
     def now() -> int:
         return int(node.get_clock().now().nanoseconds)
 
     def on_truth(message: PoseStamped) -> None:
-        heard.sent[stamp_ns(message.header)] = planar_pose(message.pose)
+        received.sent[stamp_ns(message.header)] = planar_pose(message.pose)
 
     def on_pose(message: PoseStamped) -> None:
-        heard.poses[stamp_ns(message.header)] = (now(), planar_pose(message.pose))
+        received.poses[stamp_ns(message.header)] = (now(), planar_pose(message.pose))
 
     def on_echo(message: PoseStamped) -> None:
-        heard.echoes[stamp_ns(message.header)] = now()
+        received.echoes[stamp_ns(message.header)] = now()
 
     queue = QoSProfile(depth=100)
     node.create_subscription(PoseStamped, 'ground_truth', on_truth, queue)
     node.create_subscription(PoseStamped, 'pose', on_pose, queue)
     node.create_subscription(PoseStamped, 'echo', on_echo, queue)
-    return heard
+    return received
 
 
 def _spin(executor: SingleThreadedExecutor, nodes: NodeProcesses, *, until: Any,
@@ -158,7 +165,7 @@ def _spin(executor: SingleThreadedExecutor, nodes: NodeProcesses, *, until: Any,
 
 def _watch(executor: SingleThreadedExecutor, nodes: NodeProcesses, pid: int,
            seconds: float) -> dict[str, Any]:
-    """Listen; return the localizer's processor time per second and its memory."""
+    """Receive messages; return processor time per second and memory of the localizer."""
     memory = [_resident_mib(pid)]
     began, spent = time.monotonic(), _processor_s(pid)
     for _ in range(10):
@@ -181,17 +188,20 @@ def _resident_mib(pid: int) -> float:
     return pages * os.sysconf('SC_PAGE_SIZE') / 2**20
 
 
-def _judged(heard: _Heard) -> dict[str, Any]:
-    stamps = sorted(heard.sent)
-    poses = [heard.poses[s] for s in stamps if s in heard.poses]
-    pose_ms = [1e-6 * (heard.poses[s][0] - s) for s in stamps if s in heard.poses]
-    echo_ms = [1e-6 * (heard.echoes[s] - s) for s in stamps if s in heard.echoes]
+def _summary(received: _Received) -> dict[str, Any]:
+    stamps = sorted(received.sent)
+    poses = [received.poses[s] for s in stamps if s in received.poses]
+    pose_ms = [1e-6 * (received.poses[s][0] - s) for s in stamps if s in received.poses]
+    echo_ms = [1e-6 * (received.echoes[s] - s) for s in stamps if s in received.echoes]
     errors = [
-        float(np.hypot(p.x - heard.sent[s].x, p.y - heard.sent[s].y))
-        for s in stamps if s in heard.poses for p in [heard.poses[s][1]]
+        float(np.hypot(p.x - received.sent[s].x, p.y - received.sent[s].y))
+        for s in stamps if s in received.poses for p in [received.poses[s][1]]
     ]
     if not poses or not echo_ms:
-        raise GipError(f'{len(poses)} poses and {len(echo_ms)} echoes of {len(stamps)} images')
+        raise GipError(
+            f'{len(poses)} poses and {len(echo_ms)} echoes of {len(stamps)} images; expected at '
+            'least one of each; run the benchmark on an idle machine'
+        )
     span = (stamps[-1] - stamps[0]) / NS
     return {
         'sent': len(stamps), 'poses': len(poses), 'echoes': len(echo_ms),

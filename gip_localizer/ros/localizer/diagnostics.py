@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`/diagnostics`: what `HealthMonitor` tells, once a second and when it changes."""
+"""`/diagnostics`: the reports of `HealthMonitor`, once a second and on change."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from gip_localizer.session.diagnostic_rules import Severity
 from gip_localizer.session.diagnostics import HealthMonitor
 
 CHANGES = 0.2
-"""Least seconds between two publications because of a change."""
+"""Least time (s) between two publications because of a change; chosen."""
 REPEATED = 30.0
-"""Least seconds between two lines of the log about the same state of a group."""
+"""Least time (s) between two log lines about the same state of a group; chosen."""
 MOST_STATES = 1000
-"""States whose times are remembered; messages hold what others sent."""
+"""Largest number of stored states; chosen, since messages contain text from other nodes."""
 NUMBER = re.compile(r'[-+]?[0-9][0-9.e+-]*')
-"""What changes in the message of a state that stays the same."""
+"""Numbers, which may change in the message of an unchanged state."""
 
 
 class DiagnosticsPublisher:
     """
-    Publishes the statuses of a node, and logs what changes in them.
+    Publishes the statuses of a node, and logs their changes.
 
     Parameters
     ----------
     node : Node
         Publishes and logs.
     health : HealthMonitor
-        Asked each time.
+        Source of the reports.
 
     """
 
@@ -45,21 +45,21 @@ class DiagnosticsPublisher:
         self._publisher = node.create_publisher(
             DiagnosticArray, '/diagnostics', QoSProfile(depth=10)
         )
-        self._told: dict[str, str] = {}
-        self._told_at = float('-inf')
+        self._published: dict[str, str] = {}
+        self._published_at = float('-inf')
         self._logged: dict[str, str] = {}
         self._logged_at: dict[tuple[str, str], float] = {}
 
-    def tell_changes(self) -> None:
-        """Publish if another rule holds than before, but not at every frame of a flapping one."""
-        if self._health.steady() - self._told_at < CHANGES:
+    def publish_changes(self) -> None:
+        """Publish if the set of rules has changed, at most once in `CHANGES`."""
+        if self._health.steady() - self._published_at < CHANGES:
             return
         reports = self._health.reports()
-        if _rules(reports) != self._told:
+        if _rules(reports) != self._published:
             self._publish(reports)
 
-    def tell(self) -> None:
-        """Publish."""
+    def publish(self) -> None:
+        """Publish all reports."""
         self._publish(self._health.reports())
 
     def _publish(self, reports: Sequence[Report]) -> None:
@@ -68,22 +68,22 @@ class DiagnosticsPublisher:
             header=Header(stamp=self._node.get_clock().now().to_msg()),
             status=[_status(name, report) for report in reports],
         ))  # fmt: skip
-        self._told, self._told_at = _rules(reports), self._health.steady()
+        self._published, self._published_at = _rules(reports), self._health.steady()
         for report in reports:
             self._log(report)
 
     def _log(self, report: Report) -> None:
         """Log a state that is not the last one logged, each at most once in `REPEATED`."""
         group, now = report.group.name, self._health.steady()
-        said = NUMBER.sub('', report.message) if report.rules else 'OK'
-        if said == self._logged.get(group, 'OK'):
+        message = NUMBER.sub('', report.message) if report.rules else 'OK'
+        if message == self._logged.get(group, 'OK'):
             return
-        if now - self._logged_at.get((group, said), float('-inf')) < REPEATED:
+        if now - self._logged_at.get((group, message), float('-inf')) < REPEATED:
             return
         if len(self._logged_at) > MOST_STATES:
             self._logged_at.clear()
-        self._logged[group] = said
-        self._logged_at[group, said] = now
+        self._logged[group] = message
+        self._logged_at[group, message] = now
         text = f'{group}: {report.message}'
         # rclpy ties a severity to the line that logs.
         if report.level is Severity.OK:

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Topics and services around a `Dispatch`: the working part of the node, plain or managed.
+Topics and services around a `Dispatch`: the common part of the plain and of the managed node.
 
-A frame goes: take what waits, localize, publish, tell what has changed. A search of the whole
-map, which takes seconds, is done by a worker; what groups the localizer waits for it, while
-services, parameters and diagnostics are answered.
+For each frame: process waiting messages, localize, publish, report changes. A search of the whole
+map takes seconds and is done by a worker; inputs of the localizer wait for its end, while
+services, parameters and diagnostics continue.
 
 """
 
@@ -38,17 +38,18 @@ from gip_localizer.session.input_checks import rectified_warning
 from gip_localizer.session.mask_sync import Frame
 
 LOOK = 0.2
-"""Seconds between two looks at what has become silent."""
+"""Period (s) of the check for missing inputs; chosen: a fifth of the reporting period."""
 LOOKS_PER_REPORT = 5
-SENT_ON = 0.1
-"""Seconds between two sendings of the transform from map to odom."""
+"""Number of these checks per report: one report per second."""
+REPEAT_PERIOD = 0.1
+"""Period (s) of the repeated transform from map to odom; chosen: 10 Hz."""
 MOUNT_LOG = 60.0
-"""Least seconds between two lines of the log about a camera that TF moves."""
+"""Least time (s) between two log lines about a new camera pose from TF; chosen."""
 
 
 class Localization:
     """
-    Localizes the frames that a node hears.
+    Localizes the frames that a node receives.
 
     Parameters
     ----------
@@ -79,7 +80,7 @@ class Localization:
         )
         self._dispatch.keep_state(partial(self._health.add_event, 'STATE_REFUSED'))
         self._wire()
-        self._say_hello()
+        self._log_start()
 
     def _wire(self) -> None:
         node, frames = self._node, self._parameters.frames
@@ -92,7 +93,7 @@ class Localization:
                 self._health.add_event, 'TF_CONTESTED'
             ))  # fmt: skip
             steady = Clock(clock_type=ClockType.STEADY_TIME)
-            node.create_timer(SENT_ON, self._send_transform_on, clock=steady)
+            node.create_timer(REPEAT_PERIOD, self._repeat_transform, clock=steady)
         if self._parameters.camera.from_tf:
             mount = self._dispatch.follow_transforms(self._report_camera)
             follow(node, lambda message: self._worker.when_free(
@@ -100,7 +101,7 @@ class Localization:
             ))  # fmt: skip
         self._inputs = Inputs(node, self._parameters, self._take, self._take_overdue)
         self._health.publisher_hint = self._inputs.publisher_hint
-        self._lasts('RECTIFIED_DIFFERS', rectified_warning(
+        self._set_rule('RECTIFIED_DIFFERS', rectified_warning(
             self._inputs.image_topic, rectified=self._parameters.camera.rectified
         ))
         node.create_service(Trigger, '~/relocalize', self._on_relocalize)
@@ -114,7 +115,7 @@ class Localization:
                              on_clock_change=False)
         self._jumps = node.get_clock().create_jump_callback(back, post_callback=self._on_jump)
 
-    def _say_hello(self) -> None:
+    def _log_start(self) -> None:
         raster_map = self._map.raster_map
         rows, cols = raster_map.grey.shape
         self._node.get_logger().info(
@@ -146,30 +147,30 @@ class Localization:
         self._dispatch.change_map(self._map.raster_map, parameters)
         self._outputs.publish_map(self._map.raster_map)
         self._health.fixed = self._map.figures()
-        self._say_hello()
+        self._log_start()
 
     def switch(self, on: bool) -> None:
-        """Take images unless ~/enable forbids it, or ignore them."""
+        """Process images (unless disabled by ~/enable), or ignore them."""
         self._health.active = on
-        self._diagnostics.tell()
+        self._diagnostics.publish()
 
     def close(self) -> None:
-        """Let go of clock and worker; the node's endpoints are the caller's affair."""
+        """Stop the clock callback and the worker; the caller removes the endpoints."""
         self._worker.close()
         self._jumps.unregister()
 
     def _take(self, role: str, message: Any) -> None:
-        """Take a message: images and masks now, all else when no frame is in work."""
+        """Process a message: images and masks now, others when no frame is being localized."""
         if role in (IMAGE, MASK):
-            self._hand_on(self._dispatch.take(role, message, time.monotonic_ns()))
+            self._queue(self._dispatch.take(role, message, time.monotonic_ns()))
         else:
             self._worker.when_free(partial(self._take_other, role, message))
 
     def _take_overdue(self) -> None:
-        self._hand_on(self._dispatch.newest_overdue(time.monotonic_ns()))
+        self._queue(self._dispatch.newest_overdue(time.monotonic_ns()))
 
-    def _hand_on(self, frames: list[Frame]) -> None:
-        """Localize; of the frames that come during a search only the newest."""
+    def _queue(self, frames: list[Frame]) -> None:
+        """Localize frames; of those received during a search only the newest."""
         for frame in frames:
             self._worker.when_free(partial(self._on_frame, frame), instead_of='image')
 
@@ -178,7 +179,7 @@ class Localization:
         if role == ODOMETRY:
             self._health.on_odometry()
         if role != ODOMETRY or role in self._dispatch.frontend.complaints:
-            self._tell_changes()
+            self._publish_changes()
 
     def _on_frame(self, frame: Frame) -> None:
         self._health.on_image(frame.stamp_ns, self._now_ns())
@@ -206,7 +207,7 @@ class Localization:
         self._health.prediction = state.pose_filter.prediction_source
         self._health.warnings = self._dispatch.frontend.warnings
         self._health.overtaken = self._dispatch.overtaken
-        self._tell_changes()
+        self._publish_changes()
 
     def _publish(self, estimate: Estimate, elapsed_ms: float) -> None:
         self._outputs.publish(estimate, elapsed_ms, self._dispatch.attitude)
@@ -221,18 +222,18 @@ class Localization:
             return
         pose_filter = self._dispatch.frontend.localizer.state.pose_filter
         odometry = pose_filter.odometry.pose_at(estimate.stamp_ns)
-        self._lasts('NO_TF', '' if odometry else 'no odometry at the stamp of the image')
+        self._set_rule('NO_TF', '' if odometry else 'no odometry at the stamp of the image')
         if odometry is not None:
             self._tf.publish(estimate.stamp_ns, self._now_ns(), self._parameters.tf.tolerance,
                              estimate.pose, odometry)
 
-    def _send_transform_on(self) -> None:
-        """Send the last transform on while it is good, for slow cameras and withheld frames."""
+    def _repeat_transform(self) -> None:
+        """Repeat the last transform while it is valid, for slow cameras and withheld frames."""
         settings, state = self._parameters.tf, self._health
         if not (self._tf and settings.hold and state.published) or 'NO_TF' in state.lasting:
             return
-        if not self._tf.send_on(self._now_ns(), settings.tolerance, settings.hold):
-            self._lasts('NO_TF', f'no pose for tf.hold, {settings.hold:g} s')
+        if not self._tf.repeat(self._now_ns(), settings.tolerance, settings.hold):
+            self._set_rule('NO_TF', f'no pose for tf.hold, {settings.hold:g} s')
 
     def _report_camera(self, place: str) -> None:
         self._node.get_logger().info(f'camera from TF: {place}', throttle_duration_sec=MOUNT_LOG)
@@ -240,34 +241,34 @@ class Localization:
     def _on_jump(self, jump: TimeJump) -> None:
         self._health.on_time_jump(-jump.delta.nanoseconds * 1e-9)
 
-    def _tell_changes(self) -> None:
-        self._hear()
-        self._diagnostics.tell_changes()
+    def _publish_changes(self) -> None:
+        self._update_inputs()
+        self._diagnostics.publish_changes()
 
-    def _hear(self) -> None:
+    def _update_inputs(self) -> None:
         frontend, mount = self._dispatch.frontend, self._dispatch.mount
         self._health.update_inputs(frontend.complaints, frontend.counts)
-        self._lasts('NO_CAMERA_TF', '' if mount is None else mount.fault)
+        self._set_rule('NO_CAMERA_TF', '' if mount is None else mount.fault)
 
-    def _lasts(self, rule: str, detail: str) -> None:
-        """Let a rule hold from now on; no more where there is no detail."""
+    def _set_rule(self, rule: str, detail: str) -> None:
+        """Report a rule from now on; with an empty detail, stop reporting it."""
         self._health.lasting.pop(rule, None)
         if detail:
             self._health.lasting[rule] = detail
 
     def _look(self) -> None:
-        """Notice silence soon; tell all once a second."""
+        """Check for missing inputs; publish all reports once a second."""
         self._health.simulated = bool(self._node.get_clock().ros_time_is_active)
         self._health.on_clock(self._now_ns())
-        self._hear()
+        self._update_inputs()
         self._searches.look()
         if self._looks % LOOKS_PER_REPORT == 0:
-            self._lasts('DUPLICATE_NAME', namesakes(self._node))
+            self._set_rule('DUPLICATE_NAME', namesakes(self._node))
         self._looks += 1
         if self._looks % LOOKS_PER_REPORT == 1:
-            self._diagnostics.tell()
+            self._diagnostics.publish()
         else:
-            self._diagnostics.tell_changes()
+            self._diagnostics.publish_changes()
 
     def _on_relocalize(
         self, _request: Trigger.Request, response: Trigger.Response
@@ -280,7 +281,7 @@ class Localization:
         return response
 
     def _search_refusal(self) -> str:
-        """Say why no frame would be searched for; empty: the next one would be."""
+        """Return why no search is possible now; empty if it is."""
         if self._health.accepts_frames:
             return ''
         return 'images are ignored: ' + (
@@ -296,7 +297,7 @@ class Localization:
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._health.enabled = bool(request.data)
-        self._diagnostics.tell()
+        self._diagnostics.publish()
         response.success = True
         response.message = 'enabled' if request.data else 'disabled'
         if not self._health.active:

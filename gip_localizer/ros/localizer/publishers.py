@@ -29,12 +29,12 @@ from gip_localizer.visualization.match_images import birdseye_picture, compariso
 from gip_localizer.visualization.overlay import camera_overlay
 
 FIGURES = {'~/quality': 'confidence', '~/score': 'correlation'}
-"""Topic → the figure of an estimate that it carries; both are 1 at best."""
+"""Topic → figure of an estimate (no unit, in [0, 1]) that it carries."""
 
 
 class Outputs:
     """
-    The publishers of a node, and what goes out on them.
+    The publishers of a node.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Outputs:
     frame, base : str
         The map's frame, in which poses are given, and the vehicle's, for protection levels.
     raster_map : RasterMap
-        Published once, for those who come later too.
+        Published once, transient local.
 
     """
 
@@ -68,12 +68,12 @@ class Outputs:
         self.publish_map(raster_map)
 
     def publish_map(self, raster_map: RasterMap) -> None:
-        """Publish a map, for those who come later too, and draw pictures over it from now on."""
+        """Publish a map (transient local), and use it for the images from now on."""
         self._raster_map = raster_map
         self._map.publish(occupancy_grid(self._now_ns(), self._frame, raster_map))
 
     def publish(self, estimate: Estimate, elapsed_ms: float, attitude: AttitudeSource) -> None:
-        """Publish a pose, if the estimate holds one, and the figures of the frame."""
+        """Publish the pose of an estimate, if it has one, and the figures of the frame."""
         if estimate.pose is not None and estimate.covariance is not None:
             posed = pose_stamped(
                 estimate.stamp_ns, self._frame, estimate.pose, attitude.tilt
@@ -99,16 +99,16 @@ class Outputs:
 
     def publish_pictures(self, estimate: Estimate, frame: str, frontend: Frontend) -> None:
         """
-        Publish what the match looked like, if someone is looking.
+        Publish images of the match, if they have subscribers.
 
         Parameters
         ----------
         estimate : Estimate
             Of the frame.
         frame : str
-            The vehicle's, in which the pictures from above are.
+            Frame of the vehicle, for the images from above.
         frontend : Frontend
-            Holds the frame itself.
+            Contains the image of the frame.
 
         """
         if self._overlay.get_subscription_count() and frontend.image is not None:

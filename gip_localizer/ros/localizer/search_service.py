@@ -16,19 +16,19 @@ from gip_localizer.session.relocalization import Outcome, Relocalization
 
 class SearchService:
     """
-    Answers when the outcome is known; the executor goes on meanwhile.
+    Answers when the outcome is known, without blocking the executor.
 
-    rclpy sends what a callback returns. A coroutine could wait, but keeps the executor of Jazzy
-    busy until it ends; so the sending is put off instead.
+    rclpy sends the return value of a callback. A coroutine could wait, but keeps the executor of
+    Jazzy busy until it ends; so the answer is sent later instead.
 
     Parameters
     ----------
     node : Node
         Serves.
     refusal : callable
-        Returns why no search is possible now; empty: it is.
+        Returns why no search is possible now; empty if it is.
     request : callable
-        Requests the search, and calls what it is given once no frame is in work.
+        Requests the search, and calls its argument when no frame is being processed.
 
     """
 
@@ -45,12 +45,12 @@ class SearchService:
         service.send_response = self._hold
 
     def take(self, estimate: Estimate) -> None:
-        """Answer, where a frame decides."""
+        """Answer if a frame decides the search."""
         if self._begun:
             self._answer(self._relocalization.outcome(estimate))
 
     def look(self) -> None:
-        """Answer, where nothing was decided in time."""
+        """Answer if the search was not decided in time."""
         if self._begun:
             self._answer(self._relocalization.overdue())
 

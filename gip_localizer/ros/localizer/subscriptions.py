@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Everything the node `localizer` listens to."""
+"""The subscriptions of the node `localizer`."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from gip_localizer.session.dispatch import (
 
 try:
     from gip_localizer.io.cdr import image_of
-except ImportError:  # without rosbags, rclpy unpacks images, at the price of its copies
+except ImportError:  # without rosbags, rclpy decodes images, which takes more copies
     image_of = None  # type: ignore[assignment]
 
 ODOMETRY_KEPT = 1000
-"""Messages that may wait while a frame is localized; older ones are dropped."""
+"""Depth of the odometry queue while a frame is localized; chosen: seconds at 100 Hz."""
 MASKS_KEPT = 5
-"""Masks that may wait while a frame is localized."""
+"""Depth of the mask queue while a frame is localized; chosen."""
 LOOK = 0.01
-"""Seconds between two looks for images whose mask is overdue."""
+"""Period (s) of the check for images whose mask is overdue; chosen."""
 
 
 class Inputs:
@@ -53,7 +53,7 @@ class Inputs:
     take : callable
         Takes the role of a message (`gip_localizer.session.dispatch`) and the message.
     look : callable
-        Called often where masks are taken: an image may have waited long enough.
+        Called every `LOOK` seconds if masks are used, for overdue images.
 
     """
 
@@ -62,7 +62,7 @@ class Inputs:
         look: Callable[[], None],
     ) -> None:
         self._node, self._take = node, take
-        # Before the image: of messages that wait, the executor takes them in this order.
+        # Before the image: the executor processes waiting messages in this order.
         listen_to_latched(node, CameraInfo, 'camera_info', partial(take, CAMERA_INFO),
                           qos_profile_sensor_data)
         if parameters.mask.from_topic:
@@ -88,12 +88,12 @@ class Inputs:
         return self._node.resolve_topic_name(self._awaited[IMAGE][0])
 
     def publisher_hint(self, role: str) -> str:
-        """Return who publishes what is waited for: IMAGE or CAMERA_INFO."""
+        """Return topic and publishers of a missing input: IMAGE or CAMERA_INFO."""
         topic, qos = self._awaited[role]
         return publishers_of(self._node, topic, qos)
 
     def take_waiting_odometry(self) -> None:
-        """Take what the executor has not come to yet: it may hand an image out first."""
+        """Process waiting odometry, which the executor may deliver only after an image."""
         handle = self._odometry.handle
         with handle:
             while (taken := handle.take_message(Odometry, False)) is not None:
@@ -118,7 +118,7 @@ class Inputs:
 
 
 def compressed_topic(node: Node) -> str:
-    """Return where image_transport publishes: beside `image`, unless it is remapped by itself."""
+    """Return the topic of image_transport: below `image`, unless it is remapped itself."""
     own = 'image/compressed'
     if node.resolve_topic_name(own) != node.resolve_topic_name(own, only_expand=True):
         return own

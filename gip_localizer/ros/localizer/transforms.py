@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-/tf and /tf_static, where their message is installed; the only module that knows of tf2.
+/tf and /tf_static, if their message package is installed; the only module that uses tf2_msgs.
 
-No more than the message is needed: the camera is looked up by `session.camera_mount`, and map to
-odom follows from a pose and the odometry at its stamp.
+Only the message is needed: `session.camera_mount` looks the camera up, and map to odom is computed
+from a pose and the odometry at its stamp.
 
 """
 
@@ -29,17 +29,18 @@ from gip_localizer.ros.conversions import header_of, pose_of
 
 try:
     from tf2_msgs.msg import TFMessage
-except ImportError:  # neither in the wheels nor in a plain install of rclpy
+except ImportError:  # not part of the wheels or of a minimal ROS installation
     TFMessage = None
 
 NS = 1_000_000_000
+"""Nanoseconds per second."""
 OWN = 200
-"""Stamps of own transforms that are remembered: they come back on /tf."""
+"""Number of stored stamps of own transforms, which are also received on /tf; chosen."""
 
 
 def require_transforms(parameter: str) -> None:
     """
-    Make sure that transforms can be sent and heard.
+    Check that transforms can be published and received.
 
     Raises
     ------
@@ -56,7 +57,7 @@ def require_transforms(parameter: str) -> None:
 
 class MapToOdom:
     """
-    Publishes the transform from odom to map, stamped ahead so that it holds until the next.
+    Publishes the transform from odom to map, post-dated so that it is valid until the next.
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ class MapToOdom:
     map_frame, odom_frame : str
         Of the transform.
     contested : callable
-        Called with the transform's name where another node publishes it too.
+        Called with the name of the transform if another node publishes it too.
 
     """
 
@@ -90,9 +91,9 @@ class MapToOdom:
         Parameters
         ----------
         stamp_ns, now_ns : int
-            Of the image, and of the node's clock.
+            Stamp of the image, and time of the node's clock, nanoseconds.
         tolerance : float
-            How far ahead it is stamped, seconds.
+            Post-dating, seconds.
         base, odometry : Pose2
             Base in map, and base in odom, at the stamp.
 
@@ -105,8 +106,8 @@ class MapToOdom:
         self._last, self._stamp_ns, self._sent_ns = message, stamp_ns, now_ns
         self._send(stamp_ns + round(tolerance * NS))
 
-    def send_on(self, now_ns: int, tolerance: float, hold: float) -> bool:
-        """Send the last transform again, as of now; return whether it may still be used."""
+    def repeat(self, now_ns: int, tolerance: float, hold: float) -> bool:
+        """Publish the last transform again with a new stamp; return whether it is still valid."""
         elapsed = now_ns - self._sent_ns
         if self._last is None or not 0 <= elapsed <= round(hold * NS):
             return False
@@ -121,7 +122,7 @@ class MapToOdom:
         self._publisher.publish(TFMessage(transforms=[self._last]))
 
     def _listen(self, serialized: bytes) -> None:
-        """Look for the same transform of another node; most messages are not even unpacked."""
+        """Detect the same transform from another node; most messages need no decoding."""
         if self._frames[1].encode() not in serialized:
             return
         for one in deserialize_message(serialized, TFMessage).transforms:
@@ -132,7 +133,7 @@ class MapToOdom:
 
 class StaticCamera:
     """
-    Publishes on /tf_static where a camera is held; does nothing without tf2_msgs.
+    Publishes the pose of a camera on /tf_static; does nothing without tf2_msgs.
 
     Parameters
     ----------
@@ -151,7 +152,7 @@ class StaticCamera:
             self._publisher = node.create_publisher(TFMessage, '/tf_static', latched)
 
     def place(self, camera: Camera) -> None:
-        """Publish a new place."""
+        """Publish a new pose of the camera."""
         if self._publisher is None:
             return
         base, optical = self._frames
@@ -167,7 +168,7 @@ class StaticCamera:
 
 def follow(node: Node, take: Callable[[Any], None]) -> None:
     """
-    Hear /tf_static and /tf: a camera may hang on a mount that moves.
+    Subscribe to /tf_static and to /tf, because a camera mount may move.
 
     Raises
     ------

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-A thread for work that takes seconds, so that the executor goes on answering.
+A thread for work that takes seconds, so that the executor stays responsive.
 
-Only for such work: a frame in another thread than the executor's takes longer.
+It is used only for such work, because a frame takes longer outside the executor's thread.
 
 """
 
@@ -24,7 +24,7 @@ Task = Callable[[], None]
 
 class Worker(Generic[Out]):
     """
-    Does one piece of work at a time; what touches the same things waits for its end.
+    Does one piece of work at a time; tasks that use the same data wait for its end.
 
     Parameters
     ----------
@@ -43,19 +43,19 @@ class Worker(Generic[Out]):
 
     @property
     def busy(self) -> bool:
-        """Whether work is being done, or its outcome has not been taken up."""
+        """Whether work is in progress, or its result has not been processed."""
         return self._then is not None
 
     def start(self, work: Callable[[], Out], then: Callable[[Out], None]) -> None:
-        """Work in a thread; `then` takes what comes out, in the executor's."""
+        """Start work in a thread; `then` processes its result in the executor's thread."""
         self._then = then
         threading.Thread(target=self._work, args=(work,)).start()
 
     def when_free(self, task: Task, *, instead_of: str = '') -> None:
         """
-        Do a task now, or after the work; of those that are named alike only the last.
+        Do a task now, or after the current work; of tasks with one name only the last is done.
 
-        Those without a name come first: a waiting image finds all that came before its turn.
+        Tasks without a name are done first, so that an image is processed after other inputs.
 
         """
         if not self.busy:
@@ -66,7 +66,7 @@ class Worker(Generic[Out]):
             self._waiting.append(task)
 
     def close(self) -> None:
-        """Take up nothing any more."""
+        """Process no more results."""
         self._then = None
         self._waiting.clear()
         self._last.clear()
@@ -75,7 +75,7 @@ class Worker(Generic[Out]):
     def _work(self, work: Callable[[], Out]) -> None:
         try:
             out = work()
-        except BaseException as error:  # raised where it is taken up
+        except BaseException as error:  # raised when the result is processed
             caught = error
 
             def fail() -> Out:
@@ -84,7 +84,7 @@ class Worker(Generic[Out]):
             self._done.append(fail)
         else:
             self._done.append(lambda: out)
-        with contextlib.suppress(InvalidHandle):  # the node is gone
+        with contextlib.suppress(InvalidHandle):  # the node was destroyed
             self._woken.trigger()
 
     def _take_up(self) -> None:
