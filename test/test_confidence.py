@@ -113,7 +113,7 @@ def test_a_fit_finds_the_figure_that_tells():
         figures = {name: float(rng.uniform(0.5, 2.0)) for name in trials.FIGURES}
         odds = 4.0 * math.log(figures['margin'])
         right = bool(rng.uniform() < 1.0 / (1.0 + math.exp(-odds)))
-        made.append(trials.Trial(f'part {index % 4}', 1, 'right', right, figures))
+        made.append(trials.ConfidenceTrial(f'part {index % 4}', 1, 'right', right, figures))
     design = Design.of(made)
     assert [design.names[column] for column in select(design)] == ['margin']
     assert design.fitted([0])[1] == pytest.approx(4.0, abs=1.0)

@@ -14,13 +14,13 @@ from gip_localizer.core.birdseye.rectifier import Rectifier
 from gip_localizer.core.pose import Pose2
 from gip_localizer.paper.baseline_comparison import METHODS, run_beyond, TASKS
 from gip_localizer.paper.baselines import (
+    BaselineInput,
     ecc,
     ECC_CELL_M,
     ORB_CELL_M,
     orb_homography,
     PHASE_CELL_M,
     phase_correlation,
-    Scene,
 )
 from gip_localizer.paper.geometry import PaperCamera
 from gip_localizer.paper.image_experiment import run_pipeline
@@ -96,7 +96,7 @@ def test_peers_find_a_clear_place(peer, cell, truth):
     image = Renderer(world, camera).render(prior @ truth)
     birdseye = Birdseye(view.near, view.far, view.half_width, cell)
     yaws = np.radians(np.arange(-10.0, 11.0, 2.0))
-    scene = Scene(Rectifier(camera, birdseye).rectify(image), world, prior, 0.6, yaws)
+    scene = BaselineInput(Rectifier(camera, birdseye).rectify(image), world, prior, 0.6, yaws)
     found = peer(scene)
     assert found is not None
     assert math.hypot(found.x - truth.x, found.y - truth.y) < 0.1  # half a tile

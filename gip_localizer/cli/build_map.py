@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from gip_localizer.io.bags.topics import Topics
     from gip_localizer.io.trajectory import Trajectory
     from gip_localizer.mapping.mapped_drive import MappedDrive
-    from gip_localizer.mapping.settings import MapSettings
+    from gip_localizer.mapping.settings import MapBuilderSettings
     from gip_localizer.parameters import Parameters
 
 DEFAULT_OUT = Path('results/map/map.yaml')
@@ -85,14 +85,14 @@ def run(args: argparse.Namespace) -> int:
     from gip_localizer.io.map_files import save_map
     from gip_localizer.io.output_folder import check_file
     from gip_localizer.mapping.mapped_drive import MappedDrive
-    from gip_localizer.mapping.settings import MapSettings
+    from gip_localizer.mapping.settings import MapBuilderSettings
 
     check_file(args.out, force=args.force, suffixes=('.yaml', '.yml'))
     for end in ('.png', '_noise.png'):
         check_file(args.out.with_name(args.out.stem + end), force=args.force, suffixes=('.png',))
     parameters = recorded_parameters(args)
     resolution = parameters.birdseye.resolution if args.resolution is None else args.resolution
-    settings = MapSettings(resolution, args.every, args.max_gap,
+    settings = MapBuilderSettings(resolution, args.every, args.max_gap,
                            BagWindow(args.start, args.duration))
     bag = Bag(args.bag)
     topics, poses, notes = _poses(args, bag, parameters)
@@ -131,7 +131,7 @@ def _poses(args: argparse.Namespace, bag: Bag,
     return topics, poses, notes
 
 
-def _with_progress(drive: MappedDrive, settings: MapSettings, bag: Bag,
+def _with_progress(drive: MappedDrive, settings: MapBuilderSettings, bag: Bag,
                    topics: Topics) -> RasterMap:
     from tqdm import tqdm
 
@@ -144,7 +144,7 @@ def _print_summary(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None
     import numpy as np
 
     from gip_localizer.core.map.resampling import scaled
-    from gip_localizer.evaluation.metrics import format_table, Row
+    from gip_localizer.evaluation.metrics import format_table, TableRow
 
     valid, noise = raster_map.valid, raster_map.noise
     assert valid is not None
@@ -154,16 +154,16 @@ def _print_summary(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None
     corner = float(drive.camera.vignetting.lift(np.array(1.0)))
     median_noise = np.median(scaled(noise[valid]))
     rows = [
-        Row('frames used', str(drive.builder.frames), ''),
-        *(Row(f'frames skipped: {kind}', str(count), drive.first[kind])
+        TableRow('frames used', str(drive.builder.frames), ''),
+        *(TableRow(f'frames skipped: {kind}', str(count), drive.first[kind])
           for kind, count in drive.skipped.items()),
-        Row('frames without overlap', str(drive.builder.without_overlap), ''),
-        Row('gain relative to the first frame', f'{min(gains):.3f} to {max(gains):.3f}', ''),
-        Row('vignetting correction in the corners', f'{corner:.3f}', ''),
-        Row('cells seen', str(int(valid.sum())), f'of {raster_map.resolution:g} m'),
-        Row('x', f'{low_x:.2f} to {high_x:.2f}', 'm'),
-        Row('y', f'{low_y:.2f} to {high_y:.2f}', 'm'),
-        Row('noise of a cell, median', f'{median_noise:.4f}', 'of full scale'),
+        TableRow('frames without overlap', str(drive.builder.without_overlap), ''),
+        TableRow('gain relative to the first frame', f'{min(gains):.3f} to {max(gains):.3f}', ''),
+        TableRow('vignetting correction in the corners', f'{corner:.3f}', ''),
+        TableRow('cells seen', str(int(valid.sum())), f'of {raster_map.resolution:g} m'),
+        TableRow('x', f'{low_x:.2f} to {high_x:.2f}', 'm'),
+        TableRow('y', f'{low_y:.2f} to {high_y:.2f}', 'm'),
+        TableRow('noise of a cell, median', f'{median_noise:.4f}', 'of full scale'),
     ]
     print(format_table(rows))
     print(f'\nmap: {out}, its picture: {out.with_suffix(".png")}')

@@ -21,7 +21,7 @@ from gip_localizer.evaluation.run import FrameResult
 from gip_localizer.parameters import Parameters
 
 
-class Motion(NamedTuple):
+class MotionAxis(NamedTuple):
     """A figure of every match, its key and scale in `metrics.json`, and what it corrects."""
 
     figure: str
@@ -32,10 +32,11 @@ class Motion(NamedTuple):
 
 
 MOTIONS = (
-    Motion('pitch_rad', 'pitch_deg', math.degrees(1.0), 'camera.pitch',
-           'camera_motion.sigma_pitch'),
-    Motion('roll_rad', 'roll_deg', math.degrees(1.0), 'camera.roll', 'camera_motion.sigma_roll'),
-    Motion('height_m', 'height_m', 1.0, 'camera.z', 'camera_motion.sigma_height'),
+    MotionAxis('pitch_rad', 'pitch_deg', math.degrees(1.0), 'camera.pitch',
+               'camera_motion.sigma_pitch'),
+    MotionAxis('roll_rad', 'roll_deg', math.degrees(1.0), 'camera.roll',
+               'camera_motion.sigma_roll'),
+    MotionAxis('height_m', 'height_m', 1.0, 'camera.z', 'camera_motion.sigma_height'),
 )
 GAIN = 'gain'
 LEAST_SHARE = 0.5

@@ -22,7 +22,7 @@ way."""
 STATUSES = {str(status) for status in Status}
 
 
-class Bound(NamedTuple):
+class DemoBound(NamedTuple):
     """A metric of `metrics.json` with its least and its largest allowed value."""
 
     figure: str
@@ -31,10 +31,10 @@ class Bound(NamedTuple):
 
 
 BOUNDS = (  # chosen, far above the errors of a correct localizer on a rendered road
-    Bound('availability', 0.95, None),
-    Bound('rmse_xy_m', None, 0.03),
-    Bound('rmse_yaw_deg', None, 0.2),
-    Bound('wrong_published', None, 0.0),
+    DemoBound('availability', 0.95, None),
+    DemoBound('rmse_xy_m', None, 0.03),
+    DemoBound('rmse_yaw_deg', None, 0.2),
+    DemoBound('wrong_published', None, 0.0),
 )
 
 

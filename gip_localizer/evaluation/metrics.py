@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 Metrics = dict[str, Any]
 
 
-class Row(NamedTuple):
+class TableRow(NamedTuple):
     """A row of the table of metrics."""
 
     name: str
@@ -204,7 +204,7 @@ def look_up(metrics: Mapping[str, Any], dotted: str) -> Any:
     return value
 
 
-def table_rows(metrics: Mapping[str, Any]) -> list[Row]:
+def table_rows(metrics: Mapping[str, Any]) -> list[TableRow]:
     """Return the rows metric, value, unit; the value of an unknown metric is 'unknown'."""
     rows = []
     for key, name, unit, scale, form in TABLE:
@@ -212,7 +212,7 @@ def table_rows(metrics: Mapping[str, Any]) -> list[Row]:
         text = 'unknown' if value is None else format(value * scale, form)
         if key == 'wrong_published':
             name += _bounds_in_words(metrics)
-        rows.append(Row(name, text, unit if value is not None else ''))
+        rows.append(TableRow(name, text, unit if value is not None else ''))
     return rows
 
 
@@ -221,9 +221,9 @@ def _bounds_in_words(metrics: Mapping[str, Any]) -> str:
     return f' (error above {xy:g} m or {yaw:g} deg)' if xy is not None and yaw is not None else ''
 
 
-def format_table(rows: Sequence[Row]) -> str:
+def format_table(rows: Sequence[TableRow]) -> str:
     """Return the rows as aligned text with a header line."""
-    lines = [Row('metric', 'value', 'unit'), *rows]
+    lines = [TableRow('metric', 'value', 'unit'), *rows]
     wide = [max(len(line[column]) for line in lines) for column in range(3)]
     return '\n'.join(
         f'{line.name:<{wide[0]}}  {line.value:>{wide[1]}}  {line.unit}'.rstrip() for line in lines

@@ -19,7 +19,7 @@ from gip_localizer.io.bags.topics import Topics
 from gip_localizer.io.messages import stamp_ns
 from gip_localizer.io.trajectory import Trajectory
 from gip_localizer.mapping.map_builder import MapBuilder
-from gip_localizer.mapping.settings import MapSettings
+from gip_localizer.mapping.settings import MapBuilderSettings
 from gip_localizer.mapping.splatting import draw, Drawn
 from gip_localizer.mapping.survey_camera import SurveyCamera
 from gip_localizer.mapping.tiles import overlap
@@ -54,7 +54,7 @@ class MappedDrive:
         Parameters for SurveyCamera.
     poses : Trajectory
         Poses of base_link in the map frame.
-    settings : MapSettings
+    settings : MapBuilderSettings
         Resolution, selection of frames and part of the bag.
 
     Attributes
@@ -69,7 +69,7 @@ class MappedDrive:
     """
 
     def __init__(self, bag: Bag, topics: Topics, parameters: Parameters, poses: Trajectory,
-                 settings: MapSettings) -> None:
+                 settings: MapBuilderSettings) -> None:
         self.builder = MapBuilder(settings.resolution)
         self.camera = SurveyCamera(bag, topics, parameters, settings.resolution)
         self.frames = 0

@@ -11,7 +11,7 @@ from gip_localizer.io.bags.window import BagWindow
 
 
 @dataclass(frozen=True)
-class MapSettings:
+class MapBuilderSettings:
     """
     Settings for building a map from a drive.
 

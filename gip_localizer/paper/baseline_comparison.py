@@ -25,13 +25,13 @@ from gip_localizer.core.gramian import gramian
 from gip_localizer.core.match.score_surface import Lattice, make_lattice, match
 from gip_localizer.core.pose import Pose2
 from gip_localizer.paper.baselines import (
+    BaselineInput,
     ecc,
     ECC_CELL_M,
     ORB_CELL_M,
     orb_homography,
     PHASE_CELL_M,
     phase_correlation,
-    Scene,
 )
 from gip_localizer.paper.geometry import PaperCamera
 from gip_localizer.paper.pixel_camera import (
@@ -86,7 +86,8 @@ NORMS = {  # method: (weights, gain and offset profiled out)
     'normalized standard': ('equal', True),
     'normalized distance decay': ('decay', True),
 }
-BASELINES: dict[str, tuple[Callable[[Scene], Pose2 | None], float]] = {  # method: (function, cell)
+# method: (function, cell)
+BASELINES: dict[str, tuple[Callable[[BaselineInput], Pose2 | None], float]] = {
     'ORB + homography': (orb_homography, ORB_CELL_M),
     'phase correlation': (phase_correlation, PHASE_CELL_M),
     'ECC': (ecc, ECC_CELL_M),
@@ -142,7 +143,7 @@ def run_beyond(
         One point per task, amplitude and method.
 
     """
-    bench = _Bench(camera, seed)
+    bench = _BaselineBench(camera, seed)
     wins = {(t.name, a, m): 0 for t in TASKS for a in amplitudes for m in METHODS}
     for trial, task in progress([(k, task) for k in range(trials) for task in TASKS]):
         place = bench.place(task, trial)
@@ -153,7 +154,7 @@ def run_beyond(
 
 
 @dataclass(frozen=True, eq=False)
-class _Place:
+class _BaselineTrial:
     """An image without noise, the prior, the truth relative to it, and the heading window."""
 
     image: Floats32
@@ -162,7 +163,7 @@ class _Place:
     yaw_reach: float
 
 
-class _Bench:
+class _BaselineBench:
     """Test bench: road, camera, rectifiers, weights, and the random numbers of the trials."""
 
     def __init__(self, camera: PaperCamera, seed: int) -> None:
@@ -180,7 +181,7 @@ class _Bench:
         }
         self._half_tile = 0.5 * camera.square * CM
 
-    def place(self, task: Task, trial: int) -> _Place:
+    def place(self, task: Task, trial: int) -> _BaselineTrial:
         """Draw prior, truth and exposure (the same for each task), and render the image."""
         rng, margin = np.random.default_rng((self._seed, trial)), 5.0
         prior = Pose2(
@@ -193,9 +194,9 @@ class _Bench:
         image = self._renderer.render(prior @ truth)
         if task.exposure:
             image = np.float32(gain) * image + np.float32(offset)
-        return _Place(image, prior, truth, YAW_REACH * task.yaw)
+        return _BaselineTrial(image, prior, truth, YAW_REACH * task.yaw)
 
-    def judge(self, place: _Place, amplitude: float) -> dict[str, bool]:
+    def judge(self, place: _BaselineTrial, amplitude: float) -> dict[str, bool]:
         """Add noise to the image, and return for each method whether it succeeds."""
         noise = pixel_noise(self._camera, amplitude)
         image = np.float32(noise) * self._rng.standard_normal(place.image.shape, np.float32)
@@ -210,15 +211,17 @@ class _Bench:
             for name, pose in found.items()
         }
 
-    def _scene(self, view: View, place: _Place) -> Scene:
-        return Scene(view, self._map, place.prior, REACH_M, self._lattice(place).yaws)
+    def _scene(self, view: View, place: _BaselineTrial) -> BaselineInput:
+        return BaselineInput(view, self._map, place.prior, REACH_M, self._lattice(place).yaws)
 
-    def _lattice(self, place: _Place) -> Lattice:
+    def _lattice(self, place: _BaselineTrial) -> Lattice:
         return make_lattice(
             place.prior, x=REACH_M, y=REACH_M, yaw=place.yaw_reach, yaw_step=YAW_STEP, step=CELL_M
         )
 
-    def _by_norms(self, view: View, place: _Place, noise: float) -> dict[str, Pose2 | None]:
+    def _by_norms(
+        self, view: View, place: _BaselineTrial, noise: float
+    ) -> dict[str, Pose2 | None]:
         lattice = self._lattice(place)
         points = place.prior.transform(view.grid.corners())
         nearby = self._map.crop(points, margin=2.0 * REACH_M, cell=CELL_M)

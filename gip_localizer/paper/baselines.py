@@ -42,7 +42,7 @@ ECC_STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 60, 1e-5)
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class BaselineInput:
     """
     A view and the map around its prior.
 
@@ -89,7 +89,7 @@ class Scene:
         return _smooth(filled, smoothing / view.grid.resolution)
 
 
-def orb_homography(scene: Scene) -> Pose2 | None:
+def orb_homography(scene: BaselineInput) -> Pose2 | None:
     """Match ORB features of view and map; the pose follows from the RANSAC homography."""
     orb = cv2.ORB_create(nfeatures=1000, fastThreshold=7)  # type: ignore[attr-defined]
     around = scene.surroundings()
@@ -111,7 +111,7 @@ def orb_homography(scene: Scene) -> Pose2 | None:
     return _pose(_to_metres(around) @ H @ np.linalg.inv(_to_metres(scene.view.grid)), scene)
 
 
-def phase_correlation(scene: Scene) -> Pose2 | None:
+def phase_correlation(scene: BaselineInput) -> Pose2 | None:
     """Phase-correlate view and map at every heading; return the strongest response."""
     around, step = scene.surroundings(), scene.view.grid.resolution
     world = scene.map_picture(around).astype(np.float64)
@@ -128,7 +128,7 @@ def phase_correlation(scene: Scene) -> Pose2 | None:
     return found
 
 
-def ecc(scene: Scene) -> Pose2 | None:
+def ecc(scene: BaselineInput) -> Pose2 | None:
     """Align with `cv2.findTransformECC`, coarse to fine from the prior: a local method."""
     grid = scene.view.grid
     world = scene.map_picture(grid, ECC_SMOOTHING_M)
@@ -181,7 +181,7 @@ def _turned(picture: Floats, grid: Grid, around: Grid, yaw: float) -> Floats:
     return np.asarray(cv2.warpAffine(picture, affine[:2], size, flags=cv2.INTER_LINEAR), float)
 
 
-def _pose(T_anchor_base: Floats, scene: Scene) -> Pose2 | None:
+def _pose(T_anchor_base: Floats, scene: BaselineInput) -> Pose2 | None:
     """Return the pose of a plane transform at the view's centre; None outside the window."""
     grid = scene.view.grid
     ahead = grid.far - 0.5 * grid.rows * grid.resolution

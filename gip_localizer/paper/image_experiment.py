@@ -125,7 +125,7 @@ def run_pipeline(
         For each amplitude both inner products with both rectifiers.
 
     """
-    bench = _Bench(camera, seed)
+    bench = _TileBench(camera, seed)
     errors = {(a, name, how): 0 for a in amplitudes for name in FORMULAS for how in RECTIFIERS}
     theory = {(a, name): 0.0 for a in amplitudes for name in FORMULAS}
     for _ in progress(range(trials)):
@@ -142,7 +142,7 @@ def run_pipeline(
 
 
 @dataclass(frozen=True, eq=False)
-class _Place:
+class _TileTrial:
     """A true place with its image without noise, the candidates around it, and the competitor."""
 
     image: Floats32
@@ -152,7 +152,7 @@ class _Place:
     other_tiles: Floats  # û, (m,)
 
 
-class _Bench:
+class _TileBench:
     """Test bench: road, camera and rectifiers, and the random numbers of the trials."""
 
     def __init__(self, camera: PaperCamera, seed: int) -> None:
@@ -166,19 +166,19 @@ class _Bench:
         self._footprint = np.where(self._chosen, self._rectifier.footprint, np.float32(0.0))
         self._sampler = point_sampler(self._rectifier)
 
-    def place(self) -> _Place:
+    def place(self) -> _TileTrial:
         """Draw a place and a competing place, at most `REACH` tiles away."""
         pose = aligned_pose(self._world, self._rectifier, REACH + 1, self._rng)
         lattice = Lattice(pose, self._world.coarse.resolution, (REACH, REACH), np.zeros(1))
         side = 2 * REACH + 1
         index = int(self._rng.integers(side * side - 1))
         other = divmod(index + (index >= side * side // 2), side)
-        return _Place(
+        return _TileTrial(
             self._renderer.render(pose), lattice, other, self._tiles_at(pose),
             self._tiles_at(lattice.pose(np.array([0.0, *other]))),
         )
 
-    def judge(self, place: _Place, amplitude: float) -> dict[tuple[str, str], bool]:
+    def judge(self, place: _TileTrial, amplitude: float) -> dict[tuple[str, str], bool]:
         """Add noise to the image, and return which combinations choose the competing place."""
         noise = pixel_noise(self._camera, amplitude)
         image = np.float32(noise) * self._rng.standard_normal(place.image.shape, np.float32)
@@ -194,7 +194,7 @@ class _Bench:
             for how, view in zip(RECTIFIERS, views, strict=True)
         }
 
-    def theory(self, place: _Place, amplitude: float) -> dict[str, float]:
+    def theory(self, place: _TileTrial, amplitude: float) -> dict[str, float]:
         """Return P(error) for the pair of the trial."""
         area = self._footprint[self._chosen].astype(float)
         constant = pixel_noise(self._camera, amplitude) ** -2  # 1/N0, with Ã for G
@@ -203,7 +203,7 @@ class _Bench:
             for name, formula in FORMULAS.items()
         }
 
-    def _is_wrong(self, view: View, weight: Floats32, place: _Place) -> bool:
+    def _is_wrong(self, view: View, weight: Floats32, place: _TileTrial) -> bool:
         scores = match(
             view, weight, self._world.coarse, place.lattice, normalized=False,
             min_overlap=1.0 - 1e-6,

@@ -22,7 +22,7 @@ from gip_localizer.core.camera.model import CameraModel, Extrinsics
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
 from gip_localizer.io.map_files import load_map
-from gip_localizer.synthetic.motions import make_motion, Motion
+from gip_localizer.synthetic.motions import make_motion, VehicleMotion
 from gip_localizer.synthetic.parameters import Ground, SyntheticCameraParameters
 from gip_localizer.synthetic.road_shape import make_shape
 from gip_localizer.synthetic.synthetic_camera import SyntheticCamera
@@ -94,7 +94,7 @@ class SyntheticDrive:
         self.parameters = parameters
         self.start_ns = start_ns
         self.world = make_world(parameters.world)
-        self.motion: Motion = make_motion(parameters.drive, self.world.lane)
+        self.motion: VehicleMotion = make_motion(parameters.drive, self.world.lane)
 
     @cached_property
     def raster_map(self) -> RasterMap:

@@ -29,7 +29,7 @@ class Twist2:
     turn: float = 0.0
 
 
-class Motion(Protocol):
+class VehicleMotion(Protocol):
     """Pose and velocity of a vehicle at times from 0 to `duration`, seconds."""
 
     @property
@@ -119,7 +119,7 @@ class RecordedMotion:
         return Twist2(step.x / span, step.y / span, step.yaw / span)
 
 
-def make_motion(drive: Drive, lane: Path) -> Motion:
+def make_motion(drive: Drive, lane: Path) -> VehicleMotion:
     """
     Return the motion that the parameters define.
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.track.odometry import OdometrySample
-from gip_localizer.synthetic.motions import Motion
+from gip_localizer.synthetic.motions import VehicleMotion
 from gip_localizer.synthetic.parameters import Odometry
 
 Floats = NDArray[np.float64]
@@ -48,7 +48,7 @@ class OdometryReading:
 
 
 def odometry_readings(
-    motion: Motion, settings: Odometry, *, seed: int, start_ns: int
+    motion: VehicleMotion, settings: Odometry, *, seed: int, start_ns: int
 ) -> Iterator[OdometryReading]:
     """Yield readings at the odometry's rate until the motion ends; same seed, same readings."""
     rng = np.random.default_rng([seed, _STREAM])

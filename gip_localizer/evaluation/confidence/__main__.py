@@ -52,7 +52,7 @@ def main(words: list[str] | None = None) -> int:
 
 def _make_trials() -> None:
     use_one_thread()
-    made: list[trials.Trial] = []
+    made: list[trials.ConfidenceTrial] = []
     for world, setup in trials.jobs():
         made += trials.make(setup, world)
         sys.stdout.write(f'{world} {setup.name}: {len(made)} matches\n')
@@ -61,7 +61,7 @@ def _make_trials() -> None:
 
 
 def report(
-    kept: list[trials.Trial], design: Design, columns: tuple[int, ...],
+    kept: list[trials.ConfidenceTrial], design: Design, columns: tuple[int, ...],
     fitted: Regression, bins: list[Bin],
 ) -> str:
     """Return what the fit rests on, its numbers, and how reliable it is."""

@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 
 from gip_localizer.core.arrays import Bools, Floats
 from gip_localizer.core.confidence import Term
-from gip_localizer.evaluation.confidence.trials import FIGURES, Trial
+from gip_localizer.evaluation.confidence.trials import ConfidenceTrial, FIGURES
 
 SENSES: Mapping[str, float] = {
     'margin': 1.0, 'significance': 1.0, 'agreement': 1.0, 'overdispersion': -1.0,
@@ -89,7 +89,7 @@ class Design:
     groups: np.ndarray  # type: ignore[type-arg]
 
     @classmethod
-    def of(cls, trials: Sequence[Trial]) -> Design:
+    def of(cls, trials: Sequence[ConfidenceTrial]) -> Design:
         """Return the design of some trials."""
         values = np.array([[trial.figures[name] for name in FIGURES] for trial in trials])
         least = [[PLAIN.get(name, LEAST_FIGURE)] for name in FIGURES]

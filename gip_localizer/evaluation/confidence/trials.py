@@ -64,7 +64,7 @@ OWN_CAMERA = ('tiles', 'nadir')
 """Parts whose camera stays as it is; all others get a small one, at a third of the time."""
 
 @dataclass(frozen=True)
-class Trial:
+class ConfidenceTrial:
     """
     What came of one start.
 
@@ -135,7 +135,7 @@ def _far(setup: Setup) -> Setup:
     )
 
 
-def make(setup: Setup, world: int) -> Iterator[Trial]:
+def make(setup: Setup, world: int) -> Iterator[ConfidenceTrial]:
     """Yield the trials of a part in a world that found a match, right or wrong."""
     bench = Bench(setup, world, {})
     for index in range(FRAMES):
@@ -148,7 +148,8 @@ def make(setup: Setup, world: int) -> Iterator[Trial]:
             tried = compared(estimate, truth)
             if tried.raw_error is not None and _is_judged(estimate):
                 figures = {name: tried.quality[name] for name in FIGURES}
-                yield Trial(setup.name, world, kind, not is_wrong(tried.raw_error), figures)
+                right = not is_wrong(tried.raw_error)
+                yield ConfidenceTrial(setup.name, world, kind, right, figures)
 
 
 def _is_judged(estimate: Estimate) -> bool:
@@ -157,7 +158,7 @@ def _is_judged(estimate: Estimate) -> bool:
     return match is not None and match.fit is not None and match.fit.converged
 
 
-def write(path: Path, trials: Sequence[Trial]) -> None:
+def write(path: Path, trials: Sequence[ConfidenceTrial]) -> None:
     """Write trials as CSV, figures to four digits."""
     with path.open('w', newline='') as file:
         rows = csv.writer(file, lineterminator='\n')
@@ -167,11 +168,11 @@ def write(path: Path, trials: Sequence[Trial]) -> None:
             rows.writerow([trial.part, trial.world, trial.start, int(trial.right), *figures])
 
 
-def read(path: Path) -> list[Trial]:
+def read(path: Path) -> list[ConfidenceTrial]:
     """Read the trials that `write` wrote."""
     with path.open(newline='') as file:
         return [
-            Trial(row['part'], int(row['world']), row['start'], row['right'] == '1',
+            ConfidenceTrial(row['part'], int(row['world']), row['start'], row['right'] == '1',
                   {name: float(row[name]) for name in FIGURES})
             for row in csv.DictReader(file)
         ]

@@ -55,7 +55,7 @@ LEAST_WITHHELD, MOST_LOST = 0.95, 0.01
 """Required separation: least fraction of wrong starts withheld, largest of right lost; chosen."""
 
 
-class Integrity:
+class IntegritySuite:
     """Right and wrong starts alternate; the wrong ones alternate between their kinds."""
 
     name = 'integrity'

@@ -12,7 +12,7 @@ import signal
 
 from gip_localizer.core.threads import use_one_thread
 from gip_localizer.evaluation.suites.cramer_rao import CramerRao
-from gip_localizer.evaluation.suites.integrity import Integrity
+from gip_localizer.evaluation.suites.integrity import IntegritySuite
 from gip_localizer.evaluation.suites.lane import Lane
 from gip_localizer.evaluation.suites.model_error import ModelErrors
 from gip_localizer.evaluation.suites.relocalize import Relocalize
@@ -25,7 +25,8 @@ from gip_localizer.parameters.spec import Value
 SUITES: dict[str, Suite] = {
     suite.name: suite
     for suite in (
-        SingleFrame(), ModelErrors(), Integrity(), WideStart(), CramerRao(), Relocalize(), Lane(),
+        SingleFrame(), ModelErrors(), IntegritySuite(), WideStart(), CramerRao(), Relocalize(),
+        Lane(),
     )
 }
 FRAMES_OF_A_WORLD = 10

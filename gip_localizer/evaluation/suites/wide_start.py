@@ -29,7 +29,7 @@ from gip_localizer.core.search.window import SearchWindow
 from gip_localizer.evaluation.suites.conditions import CAR_CAMERA, CARS, CHANGED, NIGHT, Setup
 from gip_localizer.evaluation.suites.suite import Bound, Cell, of_part, Record, Section, share
 from gip_localizer.evaluation.suites.trials import Bench, compared, is_wrong, ORIGIN, Spread, Trial
-from gip_localizer.paper.baselines import orb_homography, Scene
+from gip_localizer.paper.baselines import BaselineInput, orb_homography
 from gip_localizer.parameters import Birdseye
 from gip_localizer.parameters.spec import Value
 
@@ -172,7 +172,6 @@ def _weights(view: View, pixel_noise: float, map_noise: float) -> dict[str, Floa
 def _by_orb(bench: Bench, image: np.ndarray, start: Pose2) -> Pose2 | None:  # type: ignore[type-arg]
     search = bench.parameters.search
     view = rectifier(bench, ORB_CELL_M).rectify(image)
-    found = orb_homography(
-        Scene(view, bench.raster_map, start, search.x, np.linspace(-search.yaw, search.yaw, 3))
-    )
+    yaws = np.linspace(-search.yaw, search.yaw, 3)
+    found = orb_homography(BaselineInput(view, bench.raster_map, start, search.x, yaws))
     return None if found is None else start @ found
