@@ -31,6 +31,7 @@ from ros_scene import (
     START,
     WORLD,
 )  # fmt: skip
+from ros_support import PATIENCE
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
@@ -262,9 +263,9 @@ def test_ctrl_c_amid_the_imports_is_quiet(tmp_path):
                'import sys; from gip_localizer.ros.entry import localizer; sys.exit(localizer())']
     log = tmp_path / 'log'
     with log.open('w') as out, subprocess.Popen(command, stderr=out, env=os.environ) as process:
-        deadline = time.monotonic() + 30.0
+        deadline = time.monotonic() + PATIENCE
         while 'numpy' not in log.read_text() and time.monotonic() < deadline:
             time.sleep(0.005)  # the import of rclpy and SciPy is still to come
         process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=30) == 0
+        assert process.wait(PATIENCE) == 0
     assert 'Traceback' not in log.read_text()

@@ -94,7 +94,7 @@ class Stack:
 def test_a_stack_that_works_passes(stack):
     code, failed, said = stack.doctor()
     assert (code, failed) == (0, []), said
-    assert re.search(r'image +/image: (9|10|11)\.\d Hz, 320 x 240', said)
+    assert re.search(r'image +/image: \d+\.\d Hz, 320 x 240', said)
     assert 'odom           /odom: ' in said
     assert re.search(r'poses +/pose: \d+ poses of \d+ images', said)
 

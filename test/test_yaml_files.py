@@ -41,10 +41,10 @@ BOMBS = {
 def test_aliases_that_expand_without_bound_are_refused_at_once(tmp_path, text, load, error):
     path = tmp_path / 'file.yaml'
     path.write_text(text)
-    started = time.monotonic()
+    started = time.process_time()
     with pytest.raises(error, match='its aliases expand to more than') as caught:
         load(path)
-    assert time.monotonic() - started < 5.0
+    assert time.process_time() - started < 5.0
     assert len(str(caught.value)) < len(str(path)) + 2 * LINE
     assert '\n' not in str(caught.value)
 
