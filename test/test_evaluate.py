@@ -25,7 +25,7 @@ from gip_localizer.evaluation.suites.grounds import (
 )
 from gip_localizer.evaluation.suites.integrity import (
     FAR_M,
-    Integrity,
+    IntegritySuite,
     kind_of,
     lost_at,
     REPEATED,
@@ -183,7 +183,7 @@ def test_records_do_not_depend_on_processes_nor_on_what_was_tried_before():
 
 
 def test_repeated_ground_is_never_trusted():
-    suite = Integrity()
+    suite = IntegritySuite()
     ground = replace(TILES, name=REPEATED.name, ground='repeated')
     on_tiles = Bench(replace(ground, camera={**TILES.camera, 'world.resolution': 0.025}), 3, {})
     records = [suite.run(on_tiles, REPEATED.name, k)[0] for k in range(6)]
@@ -195,7 +195,7 @@ def test_a_start_near_the_truth_is_found_and_one_elsewhere_is_not_believed(bench
     near = bench.trial(0, Spread())
     assert near.error is not None
     assert not is_wrong(near.error)
-    away = [Integrity().run(bench, 'tiles', k)[0].trial for k in (1, 3, 5, 7)]
+    away = [IntegritySuite().run(bench, 'tiles', k)[0].trial for k in (1, 3, 5, 7)]
     assert not any(trial.wrong for trial in away)
 
 
