@@ -46,9 +46,11 @@ def test_the_policy_allows_what_the_page_of_the_node_lists():
     }
     subscribed = {absolute(name) for name in named_topics('in')}
     published = {absolute(name) for name in named_topics('out')}
-    assert allowed['topics', 'subscribe'] == subscribed | {'/tf', '/tf_static', '/clock'}
+    assert allowed['topics', 'subscribe'] == subscribed | {
+        '/tf', '/tf_static', '/clock', '/bond',
+    }
     assert allowed['topics', 'publish'] == published | {
-        '/tf', '/rosout', '/parameter_events', '/localizer/transition_event',
+        '/tf', '/bond', '/rosout', '/parameter_events', '/localizer/transition_event',
     }
     served = {absolute(name) for name in named_topics('service')}
     assert served <= allowed['services', 'reply']

@@ -215,11 +215,13 @@ def test_the_security_policy_allows_what_the_node_has(nodes, tester, map_file):
     process = nodes.start('localizer', parameters(map_file, changes))
     assert change_state(tester, Transition.TRANSITION_CONFIGURE)
     tester.until(tester.matched, 'the topics', alive=process)
-    optional = {'/image/compressed', '/tf', '/tf_static'}
+    optional = {'/image/compressed', '/tf', '/tf_static', '/bond'}
     tester.until(
         lambda: names_of('subscriber', tester) | optional == allowed('subscribe'), 'the inputs'
     )
-    tester.until(lambda: names_of('publisher', tester) | {'/tf'} == allowed('publish'), 'outputs')
+    tester.until(
+        lambda: names_of('publisher', tester) | {'/tf', '/bond'} == allowed('publish'), 'outputs'
+    )
     tester.until(lambda: names_of('service', tester) == allowed('reply'), 'the services')
 
 
@@ -257,6 +259,43 @@ def test_a_managed_node_goes_through_its_states(nodes, tester, map_file, render)
     assert change_state(tester, Transition.TRANSITION_ACTIVATE)
     tester.until(tester.matched, 'the topics again', alive=process)
     assert_near(localized(tester, images, process), START)
+
+
+def test_a_managed_node_starts_by_itself_where_asked(nodes, tester, map_file, render):
+    process = nodes.start('localizer', parameters(map_file, {
+        'lifecycle': True, 'autostart_node': True,
+    }))  # fmt: skip
+    tester.until(tester.matched, 'the topics', alive=process)
+    assert_near(localized(tester, frames(render(START)), process), START)
+    assert state(tester) == State.PRIMARY_STATE_ACTIVE
+    assert change_state(tester, Transition.TRANSITION_DEACTIVATE)
+
+
+def test_an_active_node_holds_a_bond_and_parts_when_it_is_deactivated(nodes, tester, map_file):
+    """The tester is the lifecycle manager: it has the same bond under another instance."""
+    kind = pytest.importorskip('bond.msg', reason='the package bond is not in the wheels').Status
+    heard, own = [], kind(id='localizer', instance_id='manager', active=True)
+    tester.create_subscription(
+        kind, 'bond', lambda one: one.instance_id == 'manager' or heard.append(one), 100
+    )
+    sender = tester.create_publisher(kind, 'bond', 5)
+    nodes.start('localizer', parameters(map_file, {'lifecycle': True}))
+    assert change_state(tester, Transition.TRANSITION_CONFIGURE)
+    assert heard == []
+    assert change_state(tester, Transition.TRANSITION_ACTIVATE)
+
+    def formed():
+        sender.publish(own)
+        return len(heard) >= 5
+
+    tester.until(formed, 'the messages of the bond')
+    assert {(one.id, one.active) for one in heard} == {('localizer', True)}
+    assert len({one.instance_id for one in heard}) == 1
+    assert change_state(tester, Transition.TRANSITION_DEACTIVATE)
+    tester.until(lambda: not heard[-1].active, 'the end of the bond')
+    count = len(heard)
+    tester.spin(0.5)
+    assert len(heard) == count
 
 
 def test_a_managed_node_refuses_transitions_that_its_state_does_not_have(

@@ -162,6 +162,13 @@ def test_the_last_transform_is_sent_on_while_it_is_good_and_no_longer(
     assert not tester.said('output', 'TF_CONTESTED')
 
 
+def test_a_robot_with_a_namespace_has_transforms_of_its_own(nodes, tester, map_file):
+    process = nodes.start('localizer', parameters(map_file, {'tf.publish': True}),
+                          ['__ns:=/robot', '/tf:=tf', '/tf_static:=tf_static'])
+    tester.until(lambda: tester.count_publishers('/robot/tf'), '/robot/tf', alive=process)
+    assert not tester.count_publishers('/tf')
+
+
 def test_a_second_source_of_the_same_transform_is_noticed(nodes, tester, map_file):
     process = start(nodes, tester, map_file, {'tf.publish': True})
     other = tester.create_publisher(TFMessage, '/tf', 10)

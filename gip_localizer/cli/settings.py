@@ -15,7 +15,10 @@ from gip_localizer.errors import ParameterError
 from gip_localizer.parameters import load_parameter_file, Parameters
 from gip_localizer.parameters.spec import ParameterGroup
 
-NODE_ONLY = ('image_reliability', 'lifecycle', 'state_file', 'tf.publish')
+NODE_ONLY = (
+    'image_reliability', 'lifecycle', 'autostart_node', 'bond_heartbeat_period', 'state_file',
+    'tf.publish',
+)
 """Parameters that change what the node does and mean nothing for a bag."""
 
 

@@ -214,6 +214,13 @@ class Parameters(ParameterGroup):
     )
     lifecycle: bool = p(False, 'Start unconfigured, as a managed (lifecycle) node.',
                         read_only=True)
+    autostart_node: bool = p(False, 'A managed node configures and activates itself at the start.',
+                             read_only=True)
+    bond_heartbeat_period: float = p(
+        0.1, "Time between two messages on the topic bond, by which nav2's lifecycle manager "
+        'watches a managed node (needs the package bond); 0: none.', unit='s', low=0.0, high=4.0,
+        read_only=True,
+    )
     state_file: str = p('', 'Where the last pose is kept for a restart; empty: nowhere.',
                         read_only=True)
     frames: Frames = group(Frames)

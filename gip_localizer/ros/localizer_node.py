@@ -8,12 +8,14 @@ from collections.abc import Sequence
 import sys
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 
 from gip_localizer.errors import GipError
 from gip_localizer.parameters import Parameters
 from gip_localizer.ros.endpoints import Endpoints
+from gip_localizer.ros.localizer.bond import AVAILABLE, Bond, MISSING
 from gip_localizer.ros.localizer.localization import Localization
 from gip_localizer.ros.parameters import given_at_start, LiveParameters
 from gip_localizer.ros.running import run_node
@@ -61,6 +63,19 @@ class ManagedLocalizerNode(LifecycleNode):
             self, Parameters, self._retune, fixed=lambda: self._running is not None,
             check=lambda new: self._running.check(new) if self._running is not None else None,
         )  # fmt: skip
+        self._bond: Bond | None = None
+        if self._live.value.bond_heartbeat_period and not AVAILABLE:
+            self.get_logger().info(MISSING)
+        if self._live.value.autostart_node:
+            self._starter = self.create_timer(
+                0.0, self._autostart, clock=Clock(clock_type=ClockType.STEADY_TIME)
+            )
+
+    def _autostart(self) -> None:
+        """Configure and activate, once the executor runs."""
+        self.destroy_timer(self._starter)
+        if self.trigger_configure() is TransitionCallbackReturn.SUCCESS:
+            self.trigger_activate()
 
     def _on_change_state(self, request: Any, response: Any) -> Any:
         """Refuse a transition that the state does not have; rclpy 7.1 would end the process."""
@@ -89,11 +104,15 @@ class ManagedLocalizerNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Take images."""
         self._switch(on=True)
+        period = self._live.value.bond_heartbeat_period
+        if period and AVAILABLE:
+            self._bond = Bond(self, period)
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Ignore images; the belief stays."""
         self._switch(on=False)
+        self._unbind()
         return super().on_deactivate(state)
 
     def on_cleanup(self, _state: LifecycleState) -> TransitionCallbackReturn:
@@ -110,7 +129,18 @@ class ManagedLocalizerNode(LifecycleNode):
         if self._running is not None:
             self._running.switch(on)
 
+    def destroy_node(self) -> None:
+        """Part from the lifecycle manager, and leave the graph."""
+        self._unbind()
+        super().destroy_node()
+
+    def _unbind(self) -> None:
+        if self._bond is not None:
+            self._bond.close()
+            self._bond = None
+
     def _leave(self) -> None:
+        self._unbind()
         if self._running is not None:
             self._running.close()
             self._running = None
