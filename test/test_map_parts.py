@@ -77,6 +77,25 @@ def test_a_map_that_grows_too_large_is_told(monkeypatch):
         builder.add(view, weight, Pose2(30.0, 0.0, 0.0))
 
 
+def test_a_road_brighter_than_the_first_frame_allows_is_scaled_and_not_cut_off():
+    builder = MapBuilder(R)
+    dark, bright = ramp(POSES[0]), 2.5 * ramp(POSES[0])
+    weight = np.full(GRID.shape, 1e4)
+    builder.add(view_of(0.4 * dark), weight, POSES[0])
+    plain = builder.map()
+    assert builder.scale == 1.0
+    builder = MapBuilder(R)
+    builder.add(view_of(bright), weight, POSES[0])
+    scaled_map = builder.map()
+    grey, noise = (np.asarray(part) / 65535.0 for part in (scaled_map.grey, scaled_map.noise))
+    assert builder.scale < 1.0
+    assert np.mean(grey >= 1.0) < 0.002
+    assert np.corrcoef(grey[plain.valid], plain.grey[plain.valid])[0, 1] > 0.999
+    assert np.median(noise[plain.valid]) == pytest.approx(
+        builder.scale * np.median(plain.noise[plain.valid]) / 65535.0, rel=0.3
+    )
+
+
 def test_boxes_apart_share_nothing():
     here, there = overlap(Box(0, 0, 4, 4), Box(10, 2, 3, 3))
     assert np.zeros((4, 4))[here].size == np.zeros((3, 3))[there].size == 0

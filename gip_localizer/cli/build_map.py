@@ -159,6 +159,7 @@ def _print_summary(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None
           for kind, count in drive.skipped.items()),
         TableRow('frames without overlap', str(drive.builder.without_overlap), ''),
         TableRow('gain relative to the first frame', f'{min(gains):.3f} to {max(gains):.3f}', ''),
+        TableRow('grey of the map, relative to the first frame', f'{drive.builder.scale:.3f}', ''),
         TableRow('vignetting correction in the corners', f'{corner:.3f}', ''),
         TableRow('cells seen', str(int(valid.sum())), f'of {raster_map.resolution:g} m'),
         TableRow('x', f'{low_x:.2f} to {high_x:.2f}', 'm'),

@@ -30,6 +30,8 @@ BLOCK_SIDES = (6, 3, 1)
 """Cells per side of the blocks for comparing exposures, in order of preference; chosen."""
 FULL = 65535.0
 """Full scale of the grey of a map with 16 bits: 2^16 - 1."""
+BRIGHT = 0.999
+"""Share of the cells that must not exceed full scale (design choice: glints may)."""
 
 
 class MapBuilder:
@@ -41,9 +43,20 @@ class MapBuilder:
     resolution : float
         Side of a map cell, metres.
 
+    Attributes
+    ----------
+    frames, without_overlap : int
+        Number of frames in the map, and of those that overlapped no earlier one.
+    exposures : list of Exposure
+        Of each frame, relative to the first.
+    scale : float
+        Grey of the map at the exposure of the first frame; below 1 where cells would exceed full
+        scale.
+
     """
 
     def __init__(self, resolution: float) -> None:
+        self.scale = 1.0
         self.resolution = resolution
         self.frames = 0
         self.without_overlap = 0
@@ -125,6 +138,9 @@ class MapBuilder:
         corner = Box(box.row + int(rows[0]), box.col + int(cols[0]), *valid.shape)
         grey = np.where(valid, sums[GV] / np.maximum(sums[G], 1e-30), 0.0)
         noise = np.where(valid, cell_noise(sums, valid), 1.0)
+        # A first frame that was darker than others gives greys above 1; matches know no gain.
+        self.scale = min(1.0 / max(float(np.quantile(grey[valid], BRIGHT)), 1e-9), 1.0)
+        grey, noise = grey * self.scale, np.where(valid, noise * self.scale, 1.0)
         return RasterMap(
             _to_16_bits(grey[::-1], np.round), self.resolution,
             Pose2(corner.col * self.resolution, corner.row * self.resolution, 0.0),
