@@ -44,6 +44,7 @@ def test_a_pitch_off_by_a_degree_fails_and_is_told(tmp_path, capsys, off_deg):
     code, pitch, said = check(tmp_path, capsys, '--set', f'camera.pitch={wrong}')
     assert code == 1
     assert 'not parallel' in said.err
+    assert f'camera.pitch too {"large" if off_deg > 0.0 else "small"} by' in said.out
     assert pitch == pytest.approx(TRUE_PITCH, abs=math.radians(0.3))
 
 

@@ -34,7 +34,7 @@ from gip_localizer.evaluation.suites.integrity import (
     wrong_start,
 )
 from gip_localizer.evaluation.suites.runner import jobs, run_all, SUITES
-from gip_localizer.evaluation.suites.single_frame import bounds, nees_band, summary
+from gip_localizer.evaluation.suites.single_frame import bounds, LEAST_JUDGED, nees_band, summary
 from gip_localizer.evaluation.suites.suite import Bound, Record
 from gip_localizer.evaluation.suites.tables import COLUMNS, format_section
 from gip_localizer.evaluation.suites.trials import Bench, is_wrong, Spread, Trial
@@ -84,6 +84,12 @@ def test_the_band_of_nees_narrows_to_its_freedom():
     assert chi2.cdf(high * 50, 150) - chi2.cdf(low * 50, 150) == pytest.approx(0.95)
     assert low < 3.0 < high
     assert all(math.isnan(edge) for edge in nees_band(0))
+
+
+@pytest.mark.parametrize(('count', 'judged'), [(4, False), (LEAST_JUDGED, True)])
+def test_the_nees_of_few_frames_is_no_bound(count, judged):
+    demands = bounds(CLEAR, summary([published(0.05)] * count))
+    assert ('mean NEES' in {bound.what for bound in demands if not bound.met}) is judged
 
 
 def test_silence_and_wrong_poses_miss_bounds():

@@ -154,11 +154,18 @@ def test_gaps_between_poses_are_told(drive, tmp_path, capsys):
 def test_part_of_the_drive_in_other_cells(drive, tmp_path, capsys):
     raster = build(drive, tmp_path / 'a.yaml', '--every', '2', '--start', '0.5', '--duration',
                    '1.0', '--resolution', '0.1', '--set', 'birdseye.far=8')
-    said = capsys.readouterr().out
+    said, noted = capsys.readouterr()
     assert re.search(r'frames used +5\b', said)
+    assert re.search(r'road used, farthest ahead +8\.00', said)
+    assert 'the map is made of road up to' not in noted
     assert raster.resolution == 0.1
     assert raster.origin.yaw == 0.0
     assert (raster.origin.x / 0.1) == pytest.approx(round(raster.origin.x / 0.1), abs=1e-6)
+
+
+def test_road_that_is_too_coarse_for_the_cells_is_named(drive, tmp_path, capsys):
+    build(drive, tmp_path / 'a.yaml', '--duration', '0.05', '--resolution', '0.02')
+    assert 'road up to 5.0 m ahead, though the view reaches 11.5 m' in capsys.readouterr().err
 
 
 def test_a_vehicle_that_stands_adds_nothing(drive, tmp_path, capsys):

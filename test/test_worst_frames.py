@@ -62,7 +62,7 @@ def test_without_truth_the_least_certain_frames_are_shown():
 def test_a_demo_has_the_statuses_of_a_replay():
     received = ReceivedMessages(truth={n: Pose2(float(n), 0.0, 0.0) for n in range(3)})
     received.poses[0] = (Pose2(0.3, 0.4, 0.0), np.eye(3), 20.0)
-    received.diagnostics.append((1, 'NO_MATCH: confidence 0.1'))
+    received.diagnostics.append((1, 'WITHHELD: NO_MATCH: confidence 0.1'))
     frames = received.frames()
     assert [frame.status for frame in frames] == ['TRACKING', 'NO_MATCH', 'NO_POSE']
     assert frames[1].reason == 'confidence 0.1'

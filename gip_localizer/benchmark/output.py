@@ -33,7 +33,8 @@ def write_bench(
 
 def as_markdown(rows: Sequence[Row]) -> str:
     """Return the rows as a Markdown table."""
-    lines = ['| suite | case | this package | baseline | its time | ratio | same best candidate |',
+    lines = ['| suite | case | this package | baseline | its time | speed-up '
+             '| same best candidate |',
              '| --- | --- | ---: | --- | ---: | ---: | ---: |']
     for row in rows:
         lines.append('| ' + ' | '.join([

@@ -26,7 +26,8 @@ class Row:
     peer : str
         Name of the baseline; empty if there is none.
     peer_ms, ratio : float or None
-        Median time of the baseline, and peer_ms / ours_ms.
+        Median time of the baseline, and the speed-up peer_ms / ours_ms: above 1 if this package
+        is faster.
     same_winner : float or None
         Fraction of frames on which both choose the same candidate.
 

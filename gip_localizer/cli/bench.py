@@ -46,10 +46,9 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure, write the folder, print the table."""
-    from tqdm import tqdm
-
     from gip_localizer.benchmark.machine import machine
     from gip_localizer.benchmark.output import as_markdown, MARK, write_bench
+    from gip_localizer.cli.progress import progress
     from gip_localizer.errors import ParameterError
     from gip_localizer.io.output_folder import check_folder
 
@@ -61,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     rows: list[Row] = []
     details: dict[str, Any] = {'machine': {**machine(), 'quick': args.quick}}
     load = details['machine']['load_before'][0]
-    for suite in tqdm(chosen, desc='measuring', unit='suite', disable=None):
+    for suite in progress(len(chosen), 'measuring', unit='suite', iterable=chosen):
         found, more = _measure(suite, args)
         rows += found
         details[suite] = more

@@ -102,6 +102,7 @@ def run(args: argparse.Namespace) -> int:
     with ctrl_c(interrupts=True):
         raster_map = _with_progress(drive, settings, bag, topics)
     save_map(raster_map, args.out, force=args.force)
+    notes += _range_note(drive, resolution)
     for note in [*notes, *bag.notes]:
         print(f'gip: {note}', file=sys.stderr)
     _print_summary(drive, raster_map, args.out)
@@ -133,11 +134,25 @@ def _poses(args: argparse.Namespace, bag: Bag,
 
 def _with_progress(drive: MappedDrive, settings: MapBuilderSettings, bag: Bag,
                    topics: Topics) -> RasterMap:
-    from tqdm import tqdm
+    from gip_localizer.cli.progress import progress
 
     total = round(topics.image.messages * settings.window.share(bag) / settings.every)
-    with tqdm(total=total or None, unit='frame', disable=None, file=sys.stderr) as bar:
+    with progress(total, 'mapping') as bar:
         return drive.run(bar.update)
+
+
+def _range_note(drive: MappedDrive, resolution: float) -> list[str]:
+    """Return a note if a part of the view is too coarse for the cells of the map."""
+    from gip_localizer.mapping.survey_camera import LONGEST_PIXEL
+
+    used, seen = drive.camera.farthest
+    if seen - used < 2.0 * resolution:
+        return []
+    return [
+        f'the map is made of road up to {used:.1f} m ahead, though the view reaches {seen:.1f} m: '
+        f'pixels beyond are longer than {LONGEST_PIXEL:g} cells of {resolution:g} m; a coarser '
+        '--resolution uses more'
+    ]
 
 
 def _print_summary(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None:
@@ -157,6 +172,7 @@ def _print_summary(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None
         TableRow('frames used', str(drive.builder.frames), ''),
         *(TableRow(f'frames skipped: {kind}', str(count), drive.first[kind])
           for kind, count in drive.skipped.items()),
+        TableRow('road used, farthest ahead', f'{drive.camera.farthest[0]:.2f}', 'm'),
         TableRow('frames without overlap', str(drive.builder.without_overlap), ''),
         TableRow('gain relative to the first frame', f'{min(gains):.3f} to {max(gains):.3f}', ''),
         TableRow('grey of the map, relative to the first frame', f'{drive.builder.scale:.3f}', ''),

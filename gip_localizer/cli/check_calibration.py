@@ -80,7 +80,8 @@ def _print_result(check: CalibrationCheck, pitch: float, out: Path) -> int:
               'straight part of the drive, or increase birdseye.half_width', file=sys.stderr)
         return 1
     excess, error = check.excess, check.error
-    print(f'{"camera.pitch too large by":28}{math.degrees(excess):>10.3f}  deg '
+    side = 'large' if excess >= 0.0 else 'small'
+    print(f'{f"camera.pitch too {side} by":28}{math.degrees(abs(excess)):>10.3f}  deg '
           f'(standard error {math.degrees(error):.3f})')
     print(f'{"estimated camera.pitch":28}{pitch - excess:>10.5f}  rad')
     print(f'picture: {out}')

@@ -123,12 +123,12 @@ def _await_first_pose(nodes: NodeProcesses, observer: DemoObserver) -> None:
 
 def _watch(nodes: NodeProcesses, observer: DemoObserver, seconds: float) -> float:
     """Receive messages during the drive, with a progress line; return the duration, seconds."""
-    from tqdm import tqdm
+    from gip_localizer.cli.progress import progress
 
     received = observer.received
     began = time.monotonic()
     form = '{desc} {percentage:3.0f}%|{bar:20}| {elapsed} {postfix}'
-    with tqdm(total=seconds, desc='driving', bar_format=form, disable=None) as bar:
+    with progress(seconds, 'driving', bar_format=form) as bar:
         while (elapsed := time.monotonic() - began) < seconds:
             nodes.check()
             observer.listen_for(min(TICK, seconds - elapsed))

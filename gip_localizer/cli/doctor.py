@@ -112,8 +112,8 @@ def _stack(args: argparse.Namespace) -> Iterator[Check]:
 @contextmanager
 def _progress(what: str, seconds: float) -> Iterator[Callable[[float], object]]:
     """Show a bar on a terminal while something takes seconds."""
-    from tqdm import tqdm
+    from gip_localizer.cli.progress import progress
 
     form = '{desc} {percentage:3.0f}%|{bar:20}| {elapsed}'
-    with tqdm(total=seconds, desc=what, bar_format=form, disable=None, leave=False) as bar:
+    with progress(seconds, what, bar_format=form, leave=False) as bar:
         yield lambda elapsed: bar.update(min(elapsed, seconds) - bar.n)

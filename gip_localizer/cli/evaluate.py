@@ -67,8 +67,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _evaluate(args: argparse.Namespace) -> Evaluation:
-    from tqdm import tqdm
-
+    from gip_localizer.cli.progress import progress
     from gip_localizer.cli.settings import parse_settings
     from gip_localizer.errors import ParameterError
     from gip_localizer.evaluation.suites.output import Evaluation
@@ -84,8 +83,7 @@ def _evaluate(args: argparse.Namespace) -> Evaluation:
     asked = args.suites or ['all']
     names = SUITES if 'all' in asked else tuple(n for n in SUITES if n in asked)
     work = jobs(names, frames=args.frames, seed=args.seed, overrides=changes)
-    interval = 0.1 if sys.stderr.isatty() else 15.0
-    with tqdm(total=sum(job.count for job in work), unit='trial', mininterval=interval) as bar:
+    with progress(sum(job.count for job in work), 'evaluating', unit='trial') as bar:
         def done(job: Job) -> None:
             bar.set_postfix_str(f'{job.suite}: {job.part}', refresh=False)
             bar.update(job.count)

@@ -76,8 +76,7 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Read everything, write the bag folder."""
-    from tqdm import tqdm
-
+    from gip_localizer.cli.progress import progress
     from gip_localizer.core.camera.model import Extrinsics
     from gip_localizer.io.folder.drive import FolderDrive
     from gip_localizer.io.folder.images import find_images
@@ -94,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
     drive = FolderDrive(images, info, parameters, poses)
     with (
         fresh_folder(args.out, force=args.force, mark=MARK) as folder,
-        tqdm(total=len(images), unit='frame', disable=None, file=sys.stderr) as bar,
+        progress(len(images), 'importing', unit='image') as bar,
     ):
         drive.write(folder, bar.update)
     for note in drive.notes:

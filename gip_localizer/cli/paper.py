@@ -7,7 +7,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterable
 from pathlib import Path
-import sys
 from typing import Any, TYPE_CHECKING
 
 from gip_localizer.errors import ParameterError
@@ -129,13 +128,11 @@ def _run_full(
 
 
 def _bar(text: str, unit: str) -> Callable[[Iterable[Any]], Iterable[Any]]:
-    """Return a function that wraps an iterable with a progress bar, rarely drawn in log files."""
-    from tqdm import tqdm
-
-    interval = 0.1 if sys.stderr.isatty() else 15.0
+    """Return a function that wraps an iterable with a progress bar."""
+    from gip_localizer.cli.progress import progress
 
     def wrap(items: Iterable[Any]) -> Iterable[Any]:
-        bar: Iterable[Any] = tqdm(items, desc=text, unit=unit, mininterval=interval)
+        bar: Iterable[Any] = progress(None, text, unit=unit, iterable=items)
         return bar
 
     return wrap

@@ -151,10 +151,10 @@ def _replay(
 
 
 def _with_progress(replay: Replay, given: ReplayInput) -> None:
-    from tqdm import tqdm
+    from gip_localizer.cli.progress import progress
 
     total = round(given.topics.image.messages * given.window.share(given.bag))
-    with tqdm(total=total or None, unit='frame', disable=None, file=sys.stderr) as bar:
+    with progress(total, 'replaying') as bar:
         fixes = 0
 
         def show(estimate: Estimate) -> None:

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-import sys
 from typing import Any
 
 from gip_localizer.parameters.yaml_files import user_path
@@ -45,8 +44,7 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the bag folder."""
-    from tqdm import tqdm
-
+    from gip_localizer.cli.progress import progress
     from gip_localizer.io.output_folder import check_folder, fresh_folder
     from gip_localizer.synthetic.drive import SyntheticDrive
     from gip_localizer.synthetic.recording import START_NS, write_drive
@@ -57,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     total = int(min(args.seconds, drive.motion.duration) * parameters.rate)
     with (
         fresh_folder(args.out, force=args.force, mark=MARK) as folder,
-        tqdm(total=total, unit='frame', disable=None, file=sys.stderr) as bar,
+        progress(total, 'rendering') as bar,
     ):
         write_drive(folder, drive, seconds=args.seconds, transport=args.transport,
                     quality=args.quality, on_frame=bar.update)

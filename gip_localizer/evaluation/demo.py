@@ -20,6 +20,8 @@ NO_ANSWER = 'NO_POSE'
 """Status of a frame without a pose of which the diagnostics say nothing: it may be lost on its
 way."""
 STATUSES = {str(status) for status in Status}
+OUTPUT_WITHHELD = 'WITHHELD: '
+"""Rule of the diagnostic group `output` before the status of a frame."""
 
 
 class DemoBound(NamedTuple):
@@ -133,7 +135,7 @@ class ReceivedMessages:
 
 def _status_and_reason(message: str) -> tuple[str, str]:
     """Return the status that a message of the group `output` begins with, and the rest."""
-    word, _, reason = message.partition(': ')
+    word, _, reason = message.removeprefix(OUTPUT_WITHHELD).partition(': ')
     if word in STATUSES:
         return word, reason
     return NO_ANSWER, message or 'neither a pose nor a diagnostic message of this frame arrived'

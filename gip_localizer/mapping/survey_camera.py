@@ -86,6 +86,14 @@ class SurveyCamera:
         rows = np.flatnonzero(self._used.any(axis=1))
         return float(rows[-1] - rows[0] + 1) * self._rectifier.grid.resolution
 
+    @property
+    def farthest(self) -> tuple[float, float]:
+        """Farthest road that is used, and that the camera sees in the view, metres ahead."""
+        grid = self._rectifier.grid
+        used, seen = (grid.far - int(np.flatnonzero(cells.any(axis=1))[0]) * grid.resolution
+                      for cells in (self._used, self._rectifier.valid))
+        return used, seen
+
     def image(self, message: Any) -> Grey:
         """Return the image (height, width) of a message (raises ImageError)."""
         image = compressed_grey_image(message) if self._compressed else grey_image(message)

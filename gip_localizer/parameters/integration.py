@@ -117,4 +117,5 @@ class BagPlayerParameters(ParameterGroup):
     topics: str = p('', 'Names of the topics to play, with commas between; empty: all.',
                     read_only=True)
     wait_for: str = p('', 'Names of topics, with commas between, that must each have a subscriber '
-                      'before the first message; empty: play at once.', read_only=True)
+                      'before the first message, which comes 5 s later, after a camera_info; '
+                      'empty: play at once.', read_only=True)

@@ -24,9 +24,11 @@ from gip_localizer.errors import BagError, ParameterError
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.playback import Playback
 from gip_localizer.io.bags.source import BagMessage, Topic
+from gip_localizer.io.bags.topics import CAMERA_INFO
 from gip_localizer.parameters.integration import BagPlayerParameters
 from gip_localizer.ros.conversions import time_of
 from gip_localizer.ros.endpoints import advertise, wait_for_delivery
+from gip_localizer.ros.listener_wait import ListenerWait
 from gip_localizer.ros.middleware import image_environment
 from gip_localizer.ros.parameters import LiveParameters
 from gip_localizer.ros.player_services import serve
@@ -42,7 +44,9 @@ LATCHED = ('tf_static',)
 """Last parts of the names of topics that are latched where no quality of service was recorded."""
 DEPTH, LATCHED_DEPTH, MOST_DEPTH = 10, 100, 1000
 """Messages that are kept for subscribers: at least, of a latched topic, and at most; chosen."""
-EXAMPLE = '-p bag:=bags/demo -p wait_for:=/image/compressed,/odom'
+AHEAD_NS = NS
+"""Bag time (ns) until which the first camera_info is also sent ahead; chosen."""
+EXAMPLE = '-p bag:=bags/demo -p wait_for:=/image/compressed,/camera_info,/odom'
 
 
 class BagPlayerNode(Node):
@@ -75,7 +79,7 @@ class BagPlayerNode(Node):
         self._start = settings.start
         self._playback = Playback(self._bag, self._senders, self._start_ns())
         self.paused = settings.paused
-        self._awaited = self._to_wait_for(settings.wait_for)
+        self._listeners = ListenerWait(self._to_wait_for(settings.wait_for), self._announce)
         self._begin()
         serve(self, self)
         self.create_timer(TICK, self._play, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -119,11 +123,17 @@ class BagPlayerNode(Node):
             )
         return [self._senders[name] for name in names]
 
-    def _waiting(self) -> bool:
-        """Whether a topic has no subscriber yet; False once all have had one."""
-        if all(sender.get_subscription_count() for sender in self._awaited):
-            self._awaited = []
-        return bool(self._awaited)
+    def _announce(self) -> None:
+        """Send time and calibrations ahead, so that the first frame finds all prepared."""
+        now_ns = self._playback.now_ns
+        self._time_publisher.publish(ClockMessage(clock=time_of(now_ns)))
+        infos = [topic.name for topic in self._bag.topics
+                 if topic.msgtype in CAMERA_INFO and topic.name in self._senders]
+        sent = set()
+        for message in self._bag.messages(infos, now_ns, now_ns + AHEAD_NS):
+            if message.topic not in sent:
+                sent.add(message.topic)
+                self._senders[message.topic].publish(bytes(message.raw))
 
     def _begin(self) -> None:
         """Publish what was latched before the position, and let the time run from now on."""
@@ -138,7 +148,7 @@ class BagPlayerNode(Node):
         """Publish the due messages, and the clock before each."""
         tick = time.monotonic_ns()
         elapsed, self._last_tick = tick - self._last_tick, tick
-        if self.paused or self._waiting():
+        if self.paused or not self._listeners.over():
             return
         for message in self._playback.advance(round(elapsed * self._live.value.rate)):
             self._send(message)

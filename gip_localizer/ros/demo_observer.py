@@ -25,9 +25,9 @@ from gip_localizer.io.messages import planar_pose, stamp_ns
 
 PICTURES = {
     'image': 'camera image',
+    'localizer/overlay': 'the map drawn into the camera image',
     'localizer/comparison': "bird's-eye view, map at the matched pose, and both (dark blue: not "
                             'seen, or not on the map)',
-    'localizer/overlay': 'the map drawn into the camera image',
 }
 KEPT_FRAMES = 3
 """Number of frames that wait for all their images; chosen, to bound the memory."""

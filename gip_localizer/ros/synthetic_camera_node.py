@@ -25,6 +25,7 @@ from gip_localizer.ros.conversions import (
     pose_stamped,
 )
 from gip_localizer.ros.endpoints import wait_for_delivery
+from gip_localizer.ros.listener_wait import ANNOUNCEMENT, LISTENERS
 from gip_localizer.ros.localizer.transforms import StaticCamera
 from gip_localizer.ros.middleware import image_environment
 from gip_localizer.ros.parameters import LiveParameters
@@ -40,16 +41,6 @@ TICK = 0.002
 """Period (s) of the timer that publishes due messages; chosen."""
 SET_OUT_NS = 200_000_000
 """Time (ns) between the start of the drive and its first frame; chosen."""
-LISTENERS_NS = 5 * NS
-"""
-The same, where listeners were waited for: they discover this node and precompute meanwhile.
-
-That a listener is known here does not say that it knows this node: what a busy machine loses of
-the announcements is said again only after 3 s (Fast DDS).
-
-"""
-ANNOUNCEMENT = 1.0
-"""Period (s) of the camera_info before the first frame; chosen."""
 CAMERA_FRAME = 'camera'
 
 
@@ -111,7 +102,7 @@ class SyntheticCameraNode(Node):
         if waits and not all(publisher.get_subscription_count() for publisher in publishers):
             return False
         now = self._now_ns()
-        self._drive.start_ns = now + (LISTENERS_NS if waits else SET_OUT_NS)
+        self._drive.start_ns = now + (round(LISTENERS * NS) if waits else SET_OUT_NS)
         self._events = self._drive.events()
         self._next = next(self._events, None)
         self._set_out = True
