@@ -47,7 +47,9 @@ def drive(tmp_path_factory) -> Path:
 @pytest.fixture(scope='session')
 def whole(drive, tmp_path_factory) -> tuple[Path, dict]:
     """The results folder of the whole drive as it was recorded, and its metrics."""
-    out = made_once(tmp_path_factory, 'whole', lambda out: replayed(drive, drive, out))
+    out = made_once(tmp_path_factory, 'whole', lambda out: replayed(
+        drive, drive, out, report=True
+    ))  # fmt: skip
     return out, json.loads((out / 'metrics.json').read_text())
 
 
@@ -63,8 +65,10 @@ def beside(drive: Path) -> list[str]:
     return ['--map', str(drive / 'map.yaml'), '--params', str(drive / 'params.yaml')]
 
 
-def replayed(bag: Path, drive: Path, out: Path, *options: str, expected: int = 0) -> dict:
+def replayed(bag: Path, drive: Path, out: Path, *options: str, expected: int = 0,
+             report: bool = False) -> dict:
     """Replay through the command line; return `metrics.json`."""
+    options = (*options, *([] if report else ['--no-report']))
     code = main(['replay', str(bag), *beside(drive), *COARSE, '--out', str(out), *options])
     assert code == expected
     return json.loads((out / 'metrics.json').read_text())

@@ -120,7 +120,7 @@ def test_why_frames_gave_no_pose_is_said(drive, tmp_path, capsys):
     params = tmp_path / 'params.yaml'
     params.write_text((drive / 'params.yaml').read_text().replace('set: true', 'set: false'))
     replayed(drive, drive, tmp_path / 'out', '--duration', '0.5', '--params', str(params),
-             expected=1)
+             expected=1, report=True)
     error = capsys.readouterr().err
     assert 'gip: no pose, NO_PRIOR in 5 of 5 frames, first: no prior yet' in error
     assert 'no frame gave a pose (NO_PRIOR in 5 of 5 frames): give a start with --' in error
@@ -190,7 +190,7 @@ def test_a_truncated_bag_is_replayed_as_far_as_it_goes(
     raw = rewritten(tmp_path / 'whole.mcap', messages).read_bytes()
     cut = tmp_path / 'cut.mcap'
     cut.write_bytes(raw[:len(raw) // 2])
-    metrics = replayed(cut, drive, tmp_path / 'out')
+    metrics = replayed(cut, drive, tmp_path / 'out', report=True)
     assert 8 <= metrics['frames'] <= 13
     assert metrics['published'] >= 7
     assert 'truncated' in capsys.readouterr().err
@@ -260,6 +260,7 @@ def test_metric_and_settings_are_used_and_written(drive, tmp_path):
     assert parameters['search.x'] == 0.6
     assert parameters['score.robust'] is False
     assert 'metric: gip\n' in (tmp_path / 'out' / 'params.yaml').read_text()
+    assert not (tmp_path / 'out' / 'report.html').exists()  # --no-report
 
 
 def test_images_that_do_not_decode_are_counted(drive, messages, tmp_path):

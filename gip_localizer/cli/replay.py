@@ -45,6 +45,8 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument('--out', type=user_path, default=DEFAULT_OUT, metavar='DIR',
                         help=f'results folder (default: {DEFAULT_OUT})')
     parser.add_argument('--force', action='store_true', help='replace existing results in --out')
+    parser.add_argument('--no-report', dest='report', action='store_false',
+                        help='do not write report.html, which takes about a second')
     tune = parser.add_argument_group('parameters')
     tune.add_argument('--params', type=user_path, metavar='FILE',
                       help='ROS parameter YAML (default: params.yaml next to the bag, if any)')
@@ -133,14 +135,14 @@ def _replay(
         _with_progress(replay, given)
     with ctrl_c(interrupts=False):  # the results so far are written first
         result = replay.result(f'Replay of {paths[0].name}', given.sources, given.notes)
-        metrics = write_results(out, result, args.force)
+        metrics = write_results(out, result, args.force, report=args.report)
     for note in result.notes:
         print(f'gip: {note}', file=sys.stderr)
     if result.truth is None:
         print('gip: no ground truth, errors are unknown; name a TUM file or a topic with '
               f'--ground-truth (types: {", ".join(TRUTH)})', file=sys.stderr)
     print(format_table(table_rows(metrics)))
-    print(f'\nresults in {out}, report: {out / "report.html"}')
+    print(f'\nresults in {out}' + (f', report: {out / "report.html"}' if args.report else ''))
     if not replay.complete:
         print('gip: stopped; the results are marked incomplete', file=sys.stderr)
         return INTERRUPTED

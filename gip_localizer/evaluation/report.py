@@ -30,8 +30,13 @@ from gip_localizer.visualization.style import STYLE
 
 MAX_PICTURE_SIDE = 480
 """Largest side of a picture in the report, px; chosen."""
-READABLE = STYLE | {'font.size': 10.0}
-"""Settings of charts that are also read on a telephone, 390 px wide; chosen."""
+READABLE = STYLE | {'font.size': 10.0, 'figure.constrained_layout.use': False}
+"""
+Settings of charts that are also read on a telephone, 390 px wide; chosen.
+
+The margins are those of `figure_uri`; a layout besides would take half of the report's time.
+
+"""
 MAP, ERRORS, CONSISTENCY = 'Map', 'Error over time', 'Consistency: NEES over time'
 EXPLANATIONS = {
     MAP: 'Dark blue: not on the map. The ellipses hold the true position in 95 % of the frames if '

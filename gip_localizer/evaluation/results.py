@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from gip_localizer.errors import OutputError
-from gip_localizer.evaluation.error_table import tabulate_errors
+from gip_localizer.evaluation.error_table import ErrorTable, tabulate_errors
 from gip_localizer.evaluation.frame_table import frame_table
 from gip_localizer.evaluation.metrics import compute_metrics, Metrics
 from gip_localizer.evaluation.published_bag import write_published
@@ -31,7 +31,9 @@ def check_output(out: Path | str, force: bool) -> None:
     check_folder(out, force=force, mark=METRICS_FILE)
 
 
-def write_results(out: Path | str, run: Run, force: bool = False) -> Metrics:
+def write_results(
+    out: Path | str, run: Run, force: bool = False, *, report: bool = True
+) -> Metrics:
     """
     Write the results folder, and the link `latest` next to it.
 
@@ -43,6 +45,8 @@ def write_results(out: Path | str, run: Run, force: bool = False) -> Metrics:
         The run to write; if `run.complete` is False, `metrics.json` and the report say so.
     force : bool
         True: existing results are replaced.
+    report : bool
+        False: no `report.html` is written.
 
     Returns
     -------
@@ -60,12 +64,16 @@ def write_results(out: Path | str, run: Run, force: bool = False) -> Metrics:
         run = replace(run, parameters=run.parameters.replace({'map_file': str(named)}))
     metrics = compute_metrics(run)
     with fresh_folder(out, force=force, mark=METRICS_FILE) as folder:
-        _fill(folder, run, metrics)
+        table = tabulate_errors(run.estimates, run.truth, run.wrong)
+        _fill(folder, run, metrics, table)
+        if report:
+            page = render_report(run, metrics, table)
+            (folder / 'report.html').write_text(page, encoding='utf-8')
     _link_latest(Path(out).absolute())
     return metrics
 
 
-def _fill(folder: Path, run: Run, metrics: Metrics) -> None:
+def _fill(folder: Path, run: Run, metrics: Metrics, table: ErrorTable) -> None:
     write_tum(folder / 'estimate.tum', Trajectory.from_samples(
         (estimate.stamp_ns, estimate.pose)
         for estimate in run.estimates if estimate.pose is not None
@@ -79,10 +87,7 @@ def _fill(folder: Path, run: Run, metrics: Metrics) -> None:
     if run.keep_map and run.raster_map is not None:
         save_map(run.raster_map, folder / MAP_FILE)
     write_published(folder / 'published.mcap', run)
-    table = tabulate_errors(run.estimates, run.truth, run.wrong)
     (folder / 'frames.csv').write_text(frame_table(run, table), encoding='utf-8')
-    page = render_report(run, metrics, table)
-    (folder / 'report.html').write_text(page, encoding='utf-8')
 
 
 def _link_latest(out: Path) -> None:
