@@ -23,9 +23,9 @@ def runs(tmp_path_factory):
     """Two results folders, to be read only."""
     folder = tmp_path_factory.mktemp('runs')
     plain, other = folder / 'plain', folder / 'other'
-    write_results(plain, noisy_run())
+    write_results(plain, noisy_run(), report=False)
     changed = Parameters.from_dict({'score.metric': 'euclidean'})
-    write_results(other, noisy_run(scale=3.0, withheld=9, parameters=changed))
+    write_results(other, noisy_run(scale=3.0, withheld=9, parameters=changed), report=False)
     return [str(plain), str(other)]
 
 
@@ -88,7 +88,7 @@ def test_runs_of_one_name_are_told_apart_by_their_parents(runs, tmp_path, capsys
 def test_runs_without_errors_stand_beside_others(runs, tmp_path, capsys):
     thin = {'truthless': {'truth': None}, 'empty': {'estimates': []}, 'silent': {'withheld': 60}}
     for name, changes in thin.items():
-        write_results(tmp_path / name, noisy_run(**changes))
+        write_results(tmp_path / name, noisy_run(**changes), report=False)
     assert compare([*runs, *(str(tmp_path / name) for name in thin)], tmp_path) == 0
     assert line_of(capsys.readouterr().out, 'position error, rms')[-3:] == ['unknown'] * 3
 

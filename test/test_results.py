@@ -39,7 +39,7 @@ def test_the_folder_is_whole_and_latest_points_to_it(tmp_path):
 
 def test_the_bag_holds_what_a_node_would_have_published(tmp_path):
     run = noisy_run(withheld=10)
-    write_results(tmp_path / 'out', run)
+    write_results(tmp_path / 'out', run, report=False)
     bag = Bag([tmp_path / 'out' / 'published.mcap'])
     assert bag.notes == []
     assert {topic.name: topic.messages for topic in bag.topics} == {
@@ -75,12 +75,12 @@ def test_stamps_before_1970_have_a_valid_folder(tmp_path):
 
 def test_results_are_not_replaced_without_force(tmp_path):
     out = tmp_path / 'out'
-    write_results(out, noisy_run())
+    write_results(out, noisy_run(), report=False)
     before = (out / 'metrics.json').read_bytes()
     with pytest.raises(OutputError, match='--force'):
         write_results(out, noisy_run(count=7))
     assert (out / 'metrics.json').read_bytes() == before
-    assert write_results(out, noisy_run(count=7), force=True)['frames'] == 7
+    assert write_results(out, noisy_run(count=7), force=True, report=False)['frames'] == 7
     assert names(tmp_path) == {'out', 'latest'}
 
 
@@ -101,14 +101,14 @@ def test_a_file_in_the_way_is_refused(tmp_path):
 
 def test_something_called_latest_is_left_alone(tmp_path):
     (tmp_path / 'latest').mkdir()
-    write_results(tmp_path / 'out', noisy_run(count=5))
+    write_results(tmp_path / 'out', noisy_run(count=5), report=False)
     assert (tmp_path / 'latest').is_dir()
     assert not (tmp_path / 'latest').is_symlink()
 
 
 def test_a_full_disk_leaves_the_old_results_and_no_rest(tmp_path, monkeypatch):
     out = tmp_path / 'out'
-    write_results(out, noisy_run(count=5))
+    write_results(out, noisy_run(count=5), report=False)
     write_text = Path.write_text
 
     def full(self, *args, **kwargs):
