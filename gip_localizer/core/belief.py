@@ -33,7 +33,7 @@ class Belief:
         Base in map.
     covariance : (3, 3) float64
         Of x, y (m), yaw (rad), map axes.
-    driven, unseen : float
+    driven, since_fix : float
         Metres and seconds since the last fix.
     shared : (3, 3) float64
         Covariance of the error with the standardized smooth error of the matches, which does not
@@ -45,7 +45,7 @@ class Belief:
     pose: Pose2
     covariance: Floats
     driven: float = 0.0
-    unseen: float = 0.0
+    since_fix: float = 0.0
     shared: Floats = field(default_factory=lambda: np.zeros((3, 3)))
 
     @property

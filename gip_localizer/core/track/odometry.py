@@ -12,9 +12,14 @@ from gip_localizer.core.pose import interpolate, Pose2
 from gip_localizer.core.track.stamp_check import REWIND_NS
 from gip_localizer.parameters import Motion
 
-KEPT_NS = 20_000_000_000  # odometry older than this before the newest is dropped
-MAX_TURN = 50.0  # rad/s, beyond any vehicle
-LEAP_S = 20.0  # a step ahead by more, or back by REWIND_NS, must be confirmed by the next sample
+# Age (ns), relative to the newest sample, from which samples are dropped (design choice: longer
+# than an image is delayed by a search of the whole map).
+KEPT_NS = 20_000_000_000
+# Largest yaw rate (rad/s) that is accepted: a robot that turns on the spot reaches a fifth of it.
+MAX_TURN = 50.0
+# Step of the stamps (s) ahead from which, as from a step back by REWIND_NS, the next sample must
+# confirm the new time (design choice: longer than any pause of a driver that works).
+LEAP_S = 20.0
 
 
 @dataclass(frozen=True)
@@ -45,14 +50,14 @@ class OdometrySample:
 @dataclass
 class OdometryBuffer:
     """
-    Recent odometry, ordered by stamp, and why samples were refused.
+    Recent odometry, ordered by stamp, and the reason of the last refusal.
 
     Attributes
     ----------
     limits : Motion
         Largest gap and speed.
     complaint : str
-        Why the last refused sample was refused; empty after a good one.
+        Reason of the last refusal; empty after an accepted sample.
     refused : int
         Samples refused so far.
 
@@ -61,7 +66,7 @@ class OdometryBuffer:
     limits: Motion
     complaint: str = ''
     refused: int = 0
-    _leapt: OdometrySample | None = None
+    _unconfirmed: OdometrySample | None = None
     _samples: list[OdometrySample] = field(default_factory=list)
 
     @property
@@ -70,12 +75,12 @@ class OdometryBuffer:
         return self._samples[-1] if self._samples else None
 
     def clear(self) -> None:
-        """Forget all samples."""
+        """Drop all samples."""
         self._samples.clear()
-        self._leapt = None
+        self._unconfirmed = None
 
     def add(self, sample: OdometrySample) -> bool:
-        """Take a sample; False where it is refused (see `complaint`)."""
+        """Add a sample; return False if it is refused (see `complaint`)."""
         self.complaint = self._fault(sample)
         if self.complaint:
             self.refused += 1
@@ -93,23 +98,23 @@ class OdometryBuffer:
         speed = math.hypot(sample.forward, sample.left)
         if speed > self.limits.max_speed or abs(sample.turn) > MAX_TURN:
             return (
-                f'odometry tells {speed:.3g} m/s and {sample.turn:.3g} rad/s; expected no more '
-                f'than motion.max_speed {self.limits.max_speed:g} m/s and {MAX_TURN:g} rad/s'
+                f'odometry reports {speed:.3g} m/s and {sample.turn:.3g} rad/s; expected at most '
+                f' motion.max_speed {self.limits.max_speed:g} m/s and {MAX_TURN:g} rad/s'
             )
         if self.latest is None:
             return ''
         ahead = (sample.stamp_ns - self.latest.stamp_ns) * 1e-9
         if not -REWIND_NS * 1e-9 <= ahead <= LEAP_S:
-            if not self._follows_leap(sample):
+            if not self._confirms_time(sample):
                 return (
-                    f'odometry stamp leaps by {ahead:+.3f} s; it is taken if the next one '
-                    'follows it'
+                    f'odometry stamp jumps by {ahead:+.3f} s; it is used if the next one '
+                    'continues from it'
                 )
         elif ahead == 0.0:
             return 'odometry repeats the stamp of the last one'
         elif ahead < 0.0:
             return f'odometry stamp is {-ahead:.3f} s before the last one'
-        self._leapt = None
+        self._unconfirmed = None
         return self._jump(sample, self.latest)
 
     def _jump(self, sample: OdometrySample, last: OdometrySample) -> str:
@@ -121,17 +126,17 @@ class OdometryBuffer:
             return f'odometry jumped {moved:.2f} m in {elapsed:.3f} s'
         return ''
 
-    def _follows_leap(self, sample: OdometrySample) -> bool:
-        """Tell whether a leap in time is confirmed; all before it is forgotten then."""
-        leapt, self._leapt = self._leapt, sample
-        if leapt is None or not 0 < sample.stamp_ns - leapt.stamp_ns <= LEAP_S * 1e9:
+    def _confirms_time(self, sample: OdometrySample) -> bool:
+        """Return whether a sample confirms a jump in time; earlier samples are then dropped."""
+        jumped, self._unconfirmed = self._unconfirmed, sample
+        if jumped is None or not 0 < sample.stamp_ns - jumped.stamp_ns <= LEAP_S * 1e9:
             return False
-        self._samples = [leapt]
+        self._samples = [jumped]
         return True
 
     def apart(self, stamp_ns: int) -> float | None:
         """Seconds by which the newest sample is ahead of a stamp; None without samples."""
-        last = self._leapt or self.latest
+        last = self._unconfirmed or self.latest
         return None if last is None else (last.stamp_ns - stamp_ns) * 1e-9
 
     def motion(self, start_ns: int, end_ns: int) -> Pose2 | None:

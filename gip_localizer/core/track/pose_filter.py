@@ -1,67 +1,36 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The prior: last pose moved by odometry, and its fusion with each match.
+The prior of each frame: the last pose moved by the motion model, and its fusion with each match.
 
-A Kalman filter on (x, y, yaw). Without odometry the velocity of the last fixes is held for a
-while. What is not known of the motion grows with the way and the time since the last fix, however
-many frames lie between, until the prior says nothing; it never turns into a pose by itself.
+A Kalman filter on (x, y, yaw). Without matches the covariance grows until the prior constrains
+nothing; a prediction is never published as a pose.
 
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import math
 
 import numpy as np
 
-from gip_localizer.core.arrays import Floats
 from gip_localizer.core.belief import Belief
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.track.belief_arithmetic import agree, beyond, fused, moved, scaled
-from gip_localizer.core.track.odometry import MAX_TURN, OdometryBuffer
-from gip_localizer.core.track.odometry_check import (
-    MAX_ACCELERATION,
-    MAX_TURN_ACCELERATION,
-    OdometryCheck,
+from gip_localizer.core.track.motion_model import (
+    FilterState,
+    MotionModel,
+    VELOCITY_AGE_S,
+    WITHOUT_ODOMETRY,
 )
+from gip_localizer.core.track.odometry import OdometryBuffer
+from gip_localizer.core.track.odometry_check import OdometryCheck
 from gip_localizer.parameters import Motion
 
-REACH_SIGMAS = 4.0  # of a prediction, within which the vehicle is
-HELD_VELOCITY_S = 2.0  # longest time since a fix for which its velocity is held
-BLIND = 5.0  # times as much drift with time where odometry does not tell the motion
-
-
-
-
-
-
-@dataclass(frozen=True, eq=False)
-class FilterState:
-    """
-    What fixes and motion tell.
-
-    Attributes
-    ----------
-    belief : Belief or None
-        The last fix, or a prediction since.
-    velocity : Pose2 or None
-        Of the last fixes, per second, base axes.
-    last_fix, compared_since : Belief or None
-        The last fix, and the one since which odometry is compared with the fixes.
-    origin : Belief or None
-        What `belief` was predicted from: the last fix, or the belief given from outside.
-
-    """
-
-    belief: Belief | None = None
-    velocity: Pose2 | None = None
-    last_fix: Belief | None = None
-    compared_since: Belief | None = None
-    origin: Belief | None = None
-
-
+# Standard deviations of a prediction within which the vehicle is assumed to be (design choice: a
+# normal error lies outside once in 16,000 frames).
+REACH_SIGMAS = 4.0
 
 
 class PoseFilter:
@@ -73,14 +42,16 @@ class PoseFilter:
     motion : Motion
         Noise of the motion between frames.
 
+    Attributes
+    ----------
+    known : FilterState
+        Belief, velocity and last fixes.
+
     """
 
     def __init__(self, motion: Motion) -> None:
-        self._noise = motion
-        self.odometry = OdometryBuffer(motion)
-        self.odometry_check = OdometryCheck()
+        self._model = MotionModel(motion)
         self.known = FilterState()
-        self.prediction_source = 'none'
 
     def __str__(self) -> str:
         """Return the belief and what it was predicted with."""
@@ -98,29 +69,43 @@ class PoseFilter:
         """The last fix, or a prediction since."""
         return self.known.belief
 
+    @property
+    def odometry(self) -> OdometryBuffer:
+        """Recent odometry."""
+        return self._model.odometry
+
+    @property
+    def odometry_check(self) -> OdometryCheck:
+        """Whether the fixes confirm odometry."""
+        return self._model.odometry_check
+
+    @property
+    def prediction_source(self) -> str:
+        """Source of the motion to the last frame; `MotionModel.source`."""
+        return self._model.source
+
     def restamp(self, stamp_ns: int) -> None:
-        """Let the belief hold at another stamp."""
+        """Give the belief another stamp."""
         if self.belief is not None:
             belief = replace(self.belief, stamp_ns=stamp_ns)
             self.known = replace(self.known, belief=belief, origin=belief)
 
     def configure(self, motion: Motion) -> None:
         """Change the noise of the motion."""
-        self._noise = motion
-        self.odometry.limits = motion
+        self._model.configure(motion)
 
     def reset(self, belief: Belief | None) -> None:
         """Start again from a belief, or from none."""
         self.known = FilterState(belief, origin=belief)
         if belief is None:
-            self.odometry_check = OdometryCheck()
+            self._model.odometry_check = OdometryCheck()
 
     def begin(self, fix: Belief) -> None:
         """
-        Start again from a fix at a place that earlier ones do not vouch for.
+        Start again from a fix at a place that earlier fixes do not support.
 
-        Two of them in a row tell a velocity: a vehicle that drives is elsewhere when the search
-        of the whole map is over.
+        Two such fixes in a row give a velocity, which is needed because a search of the whole map
+        takes longer than the time between frames.
 
         """
         self.known = FilterState(fix, last_fix=self.known.last_fix, origin=fix)
@@ -131,18 +116,21 @@ class PoseFilter:
         if self.belief is None:
             return None
         elapsed = max((stamp_ns - self.belief.stamp_ns) * 1e-9, 0.0)
-        motion, blind = self._motion(stamp_ns, elapsed)
+        motion, factor = self._model.motion(self.known, stamp_ns, elapsed)
         driven = self.belief.driven + math.hypot(motion.x, motion.y)
-        unseen = self.belief.unseen + elapsed
-        drift = self._drift(blind, (self.belief.driven, driven), (self.belief.unseen, unseen))
-        return replace(moved(self.belief, stamp_ns, motion, drift), driven=driven, unseen=unseen)
+        since_fix = self.belief.since_fix + elapsed
+        added = self._model.covariance(
+            factor, (self.belief.driven, driven), (self.belief.since_fix, since_fix)
+        )
+        belief = moved(self.belief, stamp_ns, motion, added)
+        return replace(belief, driven=driven, since_fix=since_fix)
 
     def predict_unproven(self, stamp_ns: int) -> Belief | None:
         """
         Return the last fix or given belief moved by odometry that no fix has confirmed yet.
 
-        It is one more place to look at, and never narrows a search. None where odometry is
-        believed, contradicted or missing.
+        It is an additional place to search, and never narrows a search. None where odometry is
+        confirmed, contradicted or missing.
 
         """
         origin, check = self.known.origin, self.odometry_check
@@ -152,50 +140,17 @@ class PoseFilter:
         if motion is None:
             return None
         driven, seconds = math.hypot(motion.x, motion.y), (stamp_ns - origin.stamp_ns) * 1e-9
-        drift = self._drift(BLIND, (0.0, driven), (0.0, seconds))
-        return replace(moved(origin, stamp_ns, motion, drift), driven=driven, unseen=seconds)
-
-    def _motion(self, stamp_ns: int, elapsed: float) -> tuple[Pose2, float]:
-        """Return the motion since the belief, and times how much drift with time it has."""
-        assert self.belief is not None
-        measured = self.odometry.motion(self.belief.stamp_ns, stamp_ns)
-        held = self._held_motion(elapsed, stamp_ns)
-        if measured is not None and self.odometry_check.usable(measured, held, elapsed):
-            self.prediction_source = 'odometry'
-            return measured, 1.0
-        if held is not None:
-            self.prediction_source = 'constant velocity'
-            return held, BLIND
-        self.prediction_source = 'standstill'
-        return Pose2(0.0, 0.0, 0.0), BLIND
-
-    def _held_motion(self, elapsed: float, now_ns: int) -> Pose2 | None:
-        """Return the motion of so many seconds up to now; None long after the last fix."""
-        velocity, fix = self.known.velocity, self.known.last_fix
-        if velocity is None or fix is None or (now_ns - fix.stamp_ns) * 1e-9 >= HELD_VELOCITY_S:
-            return None
-        return scaled(velocity, elapsed)
+        added = self._model.covariance(WITHOUT_ODOMETRY, (0.0, driven), (0.0, seconds))
+        belief = moved(origin, stamp_ns, motion, added)
+        return replace(belief, driven=driven, since_fix=seconds)
 
     def moved_since(self, stamp_ns: int, now_ns: int) -> Pose2 | None:
         """Return the motion from one stamp to another as far as it is known without a match."""
-        measured = self.odometry.motion(stamp_ns, now_ns)
-        if measured is not None and not self.odometry_check.rejected:
-            return measured
-        return self._held_motion((now_ns - stamp_ns) * 1e-9, now_ns)
-
-    def _drift(
-        self, blind: float, driven: tuple[float, float], unseen: tuple[float, float]
-    ) -> Floats:
-        """Covariance (3, 3) of a part of the way since a fix, told in metres and seconds."""
-        noise = self._noise
-        far, long = (end**2 - start**2 for start, end in (driven, unseen))
-        xy = noise.sigma_xy_per_m**2 * far + (blind * noise.sigma_xy_per_s) ** 2 * long
-        yaw = noise.sigma_yaw_per_m**2 * far + (blind * noise.sigma_yaw_per_s) ** 2 * long
-        return np.diag([xy, xy, yaw])
+        return self._model.between(self.known, stamp_ns, now_ns)
 
     def follows(self, prior: Belief, measured: Belief) -> bool:
         """
-        Tell whether a vehicle can have come from the last fix to a match.
+        Return whether the vehicle can have moved from the last fix to a match.
 
         Parameters
         ----------
@@ -205,25 +160,17 @@ class PoseFilter:
             The match.
 
         """
-        reach, turn = self._reach(prior.unseen)
+        distance, turn = self._model.freedom(prior.since_fix)
         innovation = difference(measured.pose, prior.pose)
-        innovation[:2] *= beyond(math.hypot(innovation[0], innovation[1]), reach)
+        innovation[:2] *= beyond(math.hypot(innovation[0], innovation[1]), distance)
         innovation[2] *= beyond(abs(innovation[2]), turn)
         return agree(innovation, prior.covariance + measured.covariance)
 
     def reach(self, prior: Belief) -> float:
-        """Return the distance from a prediction (m) at which the vehicle may be."""
-        freedom, _ = self._reach(prior.unseen)
+        """Return the distance from a prediction (m) within which the vehicle may be."""
+        distance, _ = self._model.freedom(prior.since_fix)
         variance = float(max(prior.covariance[0, 0], prior.covariance[1, 1]))
-        return REACH_SIGMAS * math.sqrt(variance) + freedom
-
-    def _reach(self, seconds: float) -> tuple[float, float]:
-        """Metres and radians that the motion since a fix may differ from the predicted one."""
-        if self.prediction_source == 'odometry':
-            return 0.0, 0.0
-        if self.prediction_source == 'constant velocity':
-            return MAX_ACCELERATION * seconds**2, MAX_TURN_ACCELERATION * seconds**2
-        return self._noise.max_speed * seconds, MAX_TURN * seconds
+        return REACH_SIGMAS * math.sqrt(variance) + distance
 
     def correct(self, prior: Belief, measured: Belief, *, fuse: bool) -> Belief:
         """
@@ -234,14 +181,14 @@ class PoseFilter:
         prior : Belief
             Prediction at the frame's stamp.
         measured : Belief
-            The match; where it contradicts the prediction beyond the gate it stands alone.
+            The match; where it contradicts the prediction beyond the gate, it replaces it.
         fuse : bool
-            False: the match stands alone.
+            False: the match always replaces the prediction.
 
         Returns
         -------
         Belief
-            What is believed now.
+            The new belief.
 
         """
         innovation = difference(measured.pose, prior.pose)
@@ -253,35 +200,20 @@ class PoseFilter:
         return belief
 
     def miss(self, prior: Belief) -> None:
-        """Carry the prediction on where a frame gave no match."""
+        """Continue from the prediction after a frame without a match."""
         self.known = replace(self.known, belief=prior)
 
     def _learn_velocity(self, fix: Belief) -> None:
+        """Take velocity and confirmation of odometry from one more fix."""
         last, velocity = self.known.last_fix, self.known.velocity
         elapsed = 0.0 if last is None else (fix.stamp_ns - last.stamp_ns) * 1e-9
-        if last is not None and 0.0 < elapsed < HELD_VELOCITY_S:
-            seen = scaled(last.pose.inverse() @ fix.pose, 1.0 / elapsed)
-            if math.hypot(seen.x, seen.y) <= self._noise.max_speed:
-                velocity = seen
-        self.known = replace(self.known, velocity=velocity, last_fix=fix)
-        self._compare(fix)
-
-    def _compare(self, fix: Belief) -> None:
-        """Hold odometry against the fixes."""
+        if last is not None and 0.0 < elapsed < VELOCITY_AGE_S:
+            measured = scaled(last.pose.inverse() @ fix.pose, 1.0 / elapsed)
+            if math.hypot(measured.x, measured.y) <= self._model.noise.max_speed:
+                velocity = measured
         since = self.known.compared_since
-        told = None
-        if since is not None:
-            told = self.odometry.motion(since.stamp_ns, fix.stamp_ns)
-        if since is None or told is None:
-            self.known = replace(self.known, compared_since=fix)
-            return
-        elapsed = (fix.stamp_ns - since.stamp_ns) * 1e-9
-        drift = self._drift(1.0, (0.0, math.hypot(told.x, told.y)), (0.0, elapsed))
-        spread = since.covariance + fix.covariance + drift
-        done = self.odometry_check.compare(
-            told, since.pose.inverse() @ fix.pose,
-            sigma_xy=math.sqrt(spread[0, 0] + spread[1, 1]),
-            sigma_yaw=math.sqrt(spread[2, 2]), elapsed=elapsed,
+        finished = since is None or self._model.compare(since, fix)
+        self.known = replace(
+            self.known, velocity=velocity, last_fix=fix,
+            compared_since=fix if finished else since,
         )
-        if done:
-            self.known = replace(self.known, compared_since=fix)

@@ -1,32 +1,40 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which frames are taken: each one that is newer than the frame before it.
+Which frames are used: each one that is newer than the frame before it.
 
-A stamp far from the last one may be a single wrong one, or time itself may have leapt (a bag in
-a loop, a long pause): only the next frame tells, so that a wrong stamp costs no belief. A hop of
-seconds is taken at once, and where the next frame comes from before it, it was wrong.
+A stamp far from the last one may be a single wrong stamp, or time itself may have jumped (a bag
+in a loop, a long pause). The next frame decides, so that a single wrong stamp does not reset the
+belief. A step ahead of less than a minute is accepted at once; if the next frame is older than
+it, its stamp was wrong.
 
 """
 
 from __future__ import annotations
 
-REWIND_NS = 1_000_000_000  # a step back in time by more than this is a restart, not disorder
-HOP_NS = 500_000_000  # a step ahead by more than this may have been wrong
-LEAP_NS = 60_000_000_000  # a step ahead by more than this must be confirmed
-LONG_PAST_NS = 20_000_000_000  # before the last frame: beyond what odometry reaches back
+# Step back (ns) from which time has restarted; smaller ones are frames out of order (design
+# choice: longer than any transport delays a frame).
+REWIND_NS = 1_000_000_000
+# Step ahead (ns) from which a stamp may prove wrong (design choice: several times the period of
+# the slowest cameras).
+HOP_NS = 500_000_000
+# Step ahead (ns) that the next frame must confirm (design choice).
+LEAP_NS = 60_000_000_000
+# Time (ns) before the last frame from which a stamp must be of another clock: odometry is kept
+# for as long.
+LONG_PAST_NS = 20_000_000_000
 
 
 class StampCheck:
     """
-    Judges the stamps of frames as they come.
+    Checks the stamps of frames in the order of their arrival.
 
     Attributes
     ----------
     hopped : bool
-        The frame is taken, and may turn out to have been ahead of its time.
+        The frame is used, and the next frame may show that its stamp was too late.
     returned : bool
-        The frame is taken, and the one before was ahead of its time.
+        The frame is used, and the stamp of the one before was too late.
     went_back : float
         Seconds by which the frame confirms that time went back; 0: it did not.
 
@@ -36,26 +44,26 @@ class StampCheck:
         self.hopped = self.returned = False
         self.went_back = 0.0
         self._last_ns: int | None = None
-        self._before_ns: int | None = None  # the hop
-        self._apart_ns: int | None = None
+        self._before_ns: int | None = None  # the frame before a step ahead
+        self._unconfirmed_ns: int | None = None
 
     def __str__(self) -> str:
-        """Return the stamp of the last frame, and that of a leap to be confirmed."""
+        """Return the stamp of the last frame, and that of a jump that is not confirmed yet."""
         last = 'no frame yet' if self._last_ns is None else f'last frame {self._last_ns} ns'
-        if self._apart_ns is None:
+        if self._unconfirmed_ns is None:
             return last
-        return f'{last}, {self._apart_ns} ns to be confirmed'
+        return f'{last}, {self._unconfirmed_ns} ns to be confirmed'
 
     def is_long_past(self, stamp_ns: int) -> bool:
-        """Tell whether a stamp is so far before the last frame that clocks must differ."""
+        """Return whether a stamp is so far before the last frame that its clock must differ."""
         return self._last_ns is not None and stamp_ns < self._last_ns - LONG_PAST_NS
 
     def fault(self, stamp_ns: int) -> str:
-        """Say why a frame is not taken; nothing where it is."""
+        """Return why a frame is not used; an empty string if it is used."""
         self.hopped = self.returned = False
         self.went_back = 0.0
         last, before = self._last_ns, self._before_ns
-        apart, self._apart_ns = self._apart_ns, None
+        jumped, self._unconfirmed_ns = self._unconfirmed_ns, None
         if last is None:
             self._last_ns = stamp_ns
             return ''
@@ -64,11 +72,11 @@ class StampCheck:
         if not self.returned:
             if -REWIND_NS <= ahead <= 0:
                 return f'frame is {-ahead * 1e-6:.1f} ms behind the one before; skipped'
-            if not -REWIND_NS <= ahead <= LEAP_NS and (apart is None or stamp_ns <= apart):
-                self._apart_ns = stamp_ns
+            if not -REWIND_NS <= ahead <= LEAP_NS and (jumped is None or stamp_ns <= jumped):
+                self._unconfirmed_ns = stamp_ns
                 return (
                     f'frame is {abs(ahead) * 1e-9:.1f} s {"behind" if ahead < 0 else "ahead of"} '
-                    'the one before; its time is taken if the next frame follows it'
+                    'the one before; its time is accepted if the next frame continues from it'
                 )
             self.went_back = max(-ahead, 0) * 1e-9
             self.hopped = ahead > HOP_NS

@@ -19,7 +19,8 @@ import numpy as np
 from gip_localizer.core.belief import Belief
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.refine.error_level import ErrorLevel
-from gip_localizer.core.track.pose_filter import FilterState, PoseFilter
+from gip_localizer.core.track.motion_model import FilterState
+from gip_localizer.core.track.pose_filter import PoseFilter
 from gip_localizer.core.track.stamp_check import StampCheck
 from gip_localizer.parameters import Parameters
 
