@@ -65,7 +65,10 @@ setup(
             'ros-jazzy-common-interfaces',
             'ros-jazzy-rmw-fastrtps-cpp',
         ],
+        # H.264 and H.265 images.
+        'video': ['av'],
         'test': [
+            'av',
             'pytest',
             'pytest-xdist',
             'hypothesis',

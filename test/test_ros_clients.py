@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from array import array
 from itertools import cycle
 import os
 import signal
@@ -100,6 +101,39 @@ def test_the_compressed_topic_follows_the_image_and_is_named_with_its_publishers
     tester.create_publisher(CompressedImage, topic, lossy)
     words = f'1 publisher of {topic}, none compatible: offered best_effort, volatile'
     tester.until(lambda: tester.said('camera', words), 'why it is not heard')
+
+
+def test_a_video_is_localized_and_a_lost_packet_is_named(start, tester, render):
+    pytest.importorskip('av', reason='PyAV is the extra `video`')
+    from video_samples import encoded
+
+    picture = render(START)
+    process = start({'image_transport': 'compressed'}, known=False)
+    camera = tester.create_publisher(CompressedImage, 'image/compressed', 10)
+    tester.until(camera.get_subscription_count, 'the localizer', alive=process)
+    packets = cycle(encoded('h264', [picture] * 20, gop=20))
+    stamps = (image.header.stamp for image in frames(picture))
+
+    def send_packet(packet):
+        tester.info.publish(camera_info())
+        message = CompressedImage(format='h264', data=array('B', packet))
+        message.header.stamp = next(stamps)
+        camera.publish(message)
+        tester.spin(0.1)
+
+    def came():
+        send_packet(next(packets))
+        return len(tester.poses) >= 3
+
+    tester.until(came, 'poses', alive=process)
+    assert_near(tester.poses[-1], START)
+
+    def named():
+        send_packet(next(packets))
+        next(packets)
+        return tester.said('camera', 'lacks a packet before this one')
+
+    tester.until(named, 'a report of the lost packet', alive=process)
 
 
 def test_images_that_are_never_stamped_give_no_pose_and_say_so(start, tester, render):

@@ -9,6 +9,7 @@ Duck-typed: rclpy messages (`array.array`) and rosbags messages (`ndarray`) both
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -132,9 +133,32 @@ def _chroma_rows(encoding: str, height: int) -> int:
     return (CHROMA_ROWS.get(encoding, 0) * height + 1) // 2
 
 
+@dataclass(frozen=True)
+class DecodedImage:
+    """
+    An image of a video, which only its stream can decode.
+
+    Attributes
+    ----------
+    header : std_msgs/Header
+        Of the message.
+    pixels : (height, width) array or None
+        None where it cannot be used.
+    fault : str
+        Why.
+
+    """
+
+    header: Any
+    pixels: Grey | None
+    fault: str = ''
+
+
 def compressed_grey_image(message: Any) -> Grey:
     """
     Return the grey image of a sensor_msgs/CompressedImage (jpeg or png, 8 or 16 bit).
+
+    Of a video, the message is a `DecodedImage` (`image_stream`).
 
     Raises
     ------
@@ -142,7 +166,14 @@ def compressed_grey_image(message: Any) -> Grey:
         Empty, corrupt, cut off, too large or of another format.
 
     """
-    content = bytes(message.data)
+    if not isinstance(message, DecodedImage):
+        return _decoded_file(bytes(message.data), str(message.format))
+    if message.pixels is None:
+        raise ImageError(message.fault)
+    return message.pixels
+
+
+def _decoded_file(content: bytes, form: str) -> Grey:
     size = _declared_size(content)
     if size is not None and size[0] * size[1] > MAX_PIXELS:
         raise ImageError(f'compressed image declares {size[0]}x{size[1]} pixels; too large')
@@ -158,8 +189,8 @@ def compressed_grey_image(message: Any) -> Grey:
         raise ImageError(f'compressed image of {len(content)} bytes is damaged: {damaged}')
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
         raise ImageError(
-            f'compressed image of {len(content)} bytes and format {quoted(str(message.format))} '
-            'cannot be decoded; expected a whole jpeg or png'
+            f'compressed image of {len(content)} bytes and format {quoted(form)} '
+            'cannot be decoded; expected a whole jpeg or png, or h264 or h265'
         )
     return pixels
 

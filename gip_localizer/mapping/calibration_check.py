@@ -22,6 +22,7 @@ from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.camera import recorded_camera
 from gip_localizer.io.bags.topics import IMAGES, Topics
 from gip_localizer.io.bit_depth import BitDepth
+from gip_localizer.io.image_stream import decoded_images
 from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.mapping.lane_lines import lane_lines, LaneLine, pitch_excess
 from gip_localizer.parameters import Parameters
@@ -107,8 +108,8 @@ def check_calibration(
     depth = BitDepth()
     frames: list[CheckedFrame] = []
     refused: list[str] = []
-    for message in islice(bag.messages([topics.image.name]), 0, step * most, step):
-        decoded = bag.decode(message)
+    messages = decoded_images(map(bag.decode, bag.messages([topics.image.name])))
+    for decoded in islice(messages, 0, step * most, step):
         if decoded is None:
             continue
         try:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
+from itertools import islice
 import math
 from typing import Any
 
@@ -16,6 +17,7 @@ from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.errors import BagError, GipError, ImageError, TrajectoryError
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.topics import Topics
+from gip_localizer.io.image_stream import decoded_images
 from gip_localizer.io.messages import stamp_ns
 from gip_localizer.io.trajectory import Trajectory
 from gip_localizer.mapping.map_builder import MapBuilder
@@ -110,9 +112,8 @@ class MappedDrive:
 
     def _messages(self) -> Iterator[Any]:
         times = self._settings.window.log_times(self._bag)
-        for number, raw in enumerate(self._bag.messages([self._topics.image.name], *times)):
-            if number % self._settings.every == 0:
-                yield self._bag.decode(raw)
+        messages = map(self._bag.decode, self._bag.messages([self._topics.image.name], *times))
+        yield from islice(decoded_images(messages), 0, None, self._settings.every)
 
     def _add(self, message: Any | None, last: Pose2 | None) -> Pose2:
         """Add a frame and return its pose."""

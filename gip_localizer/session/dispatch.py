@@ -19,6 +19,7 @@ from gip_localizer.core.camera.model import Extrinsics
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.guard import fault_of, run_guarded
 from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.io.image_stream import ImageStream
 from gip_localizer.parameters import Parameters
 from gip_localizer.session.attitude import AttitudeSource
 from gip_localizer.session.camera_mount import CameraMount, with_camera
@@ -77,6 +78,7 @@ class Dispatch:
         self._warn: Callable[[str], object] = log
         decode = self.frontend.on_compressed_image if compressed else self.frontend.on_image
         self._decode: Callable[[Any, Masked | None], Estimate] = decode
+        self._stream = ImageStream()
         self._others: dict[str, Callable[[Any], None]] = {
             CAMERA_INFO: self._take_camera_info, ODOMETRY: self._take_odometry,
             INITIAL_POSE: self._take_initial_pose,
@@ -154,6 +156,7 @@ class Dispatch:
 
         """
         if role == IMAGE:
+            message = self._stream.taken(message)
             if self._pairing is None:
                 return [Frame(message)]
             return frames_of(self._pairing.add_image(message, now_ns))

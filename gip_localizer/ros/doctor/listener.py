@@ -18,6 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo
 
+from gip_localizer.io.image_stream import ImageStream
 from gip_localizer.io.messages import stamp_ns
 from gip_localizer.parameters import load_parameter_file, Parameters
 from gip_localizer.ros.doctor.graph import image_type, SIM_TIME, StackGraph, TICK
@@ -103,11 +104,13 @@ class _Ears:
         ))  # fmt: skip
 
     def _keeper(self, heard: Heard) -> Callable[[Any], None]:
+        stream = ImageStream()
+
         def keep(message: Any) -> None:
             heard.arrivals_ns.append(self._now_ns())
             heard.stamps_ns.append(stamp_ns(message.header))
             heard.frames.add(str(message.header.frame_id))
-            heard.last = message
+            heard.last = stream.taken(message)
 
         return keep
 
