@@ -14,6 +14,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from forked_nodes import fork
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from ros_scene import *  # noqa: F403 - fixtures and the world
@@ -38,7 +39,7 @@ NOW = 1_800_000_000 * S
 def stack(tmp_path_factory, map_file, render):
     """A localizer that tracks, its tester, and a camera that goes on while something waits."""
     tester = Tester()
-    with NodeProcesses(tmp_path_factory.mktemp('stack'), GRAPH) as nodes:
+    with NodeProcesses(tmp_path_factory.mktemp('stack'), GRAPH, fork) as nodes:
         process = nodes.start('localizer', parameters(map_file))
         tester.until(tester.matched, 'the localizer to join', alive=process)
         stack = Stack(tester, render(START))
