@@ -10,6 +10,7 @@ from drive_samples import beside, COARSE, recorded, rewritten
 import pytest
 
 from gip_localizer.cli import main
+from gip_localizer.io.bags.bag import Bag
 from gip_localizer.parameters import load_parameter_file
 
 
@@ -116,6 +117,16 @@ def test_malformed_truth_names_the_line(drive, tmp_path, capsys):
     truth.write_text('1.0 0 0 0 0 0 0 1\n2.0 0 0 zero 0 0 0 1\n')
     error = refused(capsys, *replay(drive, tmp_path, '--ground-truth', str(truth)))
     assert f'{truth}:2: ' in error
+
+
+def test_a_start_that_the_truth_does_not_cover_is_named(drive, tmp_path, capsys):
+    stamp = Bag([drive]).start_ns
+    truth = tmp_path / 'truth.tum'
+    truth.write_text(''.join(f'{stamp * 1e-9 + n:.9f} 0 0 0 0 0 0 1\n' for n in (1, 2)))
+    error = refused(capsys, *replay(drive, tmp_path, '--ground-truth', str(truth),
+                                    '--initial-pose', 'truth'))
+    for words in ('the first image is of', 'ground truth covers', '--start 1.000', 'X,Y,YAW'):
+        assert words in error
 
 
 def test_results_are_kept_without_force(drive, tmp_path, capsys):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from run_samples import noisy_run
 
+from gip_localizer.evaluation import report_frames
 from gip_localizer.evaluation.error_table import tabulate_errors
 from gip_localizer.evaluation.metrics import compute_metrics, table_rows
 from gip_localizer.evaluation.report import render_report
@@ -116,3 +117,18 @@ def test_cells_without_a_map_are_unlike_paint():
     red, green, blue, _ = axes.images[0].cmap.get_bad()
     assert blue > red + 0.1
     assert blue > green + 0.1
+
+
+def test_all_frames_are_listed_and_filtered_by_status_without_a_script():
+    text, page = page_of(noisy_run(withheld=3))
+    assert text.count('<tr class="LOST">') == 3
+    assert text.count('<tr class="TRACKING">') == 57
+    assert 'section:has(#status-LOST:not(:checked)) tr.LOST { display: none; }' in text
+    assert 'no match' in page.cells
+
+
+def test_the_table_of_a_long_drive_ends_and_says_so(monkeypatch):
+    monkeypatch.setattr(report_frames, 'MOST_ROWS', 10)
+    text, _ = page_of(noisy_run())
+    assert text.count('<tr class="TRACKING">') == 10
+    assert 'The first 10 of 60' in text

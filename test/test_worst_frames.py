@@ -49,6 +49,7 @@ def test_the_largest_errors_then_nees_then_each_status_are_shown_with_the_reason
         'Rank 3 of 10 published frames by position error.',
         'Rank 1 of 10 published frames by NEES.']
     assert exhibits[5].why == 'First of 2 frames with NO_MATCH.'
+    assert exhibits[6].why == 'The only frame with LOST.'
     assert 'NO_MATCH, for a reason' in exhibits[5].title
 
 

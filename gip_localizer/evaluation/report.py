@@ -24,6 +24,7 @@ from gip_localizer.evaluation.report_figures import (
     nees_figure,
     surface_figure,
 )
+from gip_localizer.evaluation.report_frames import frame_rows, HEADINGS
 from gip_localizer.evaluation.report_map import map_figure
 from gip_localizer.evaluation.run import FrameExhibit, Run, Surface
 from gip_localizer.visualization.style import STYLE
@@ -76,6 +77,8 @@ def render_report(run: Run, metrics: Metrics, table: ErrorTable) -> str:
         figures=_figures(run, table),
         explanations=EXPLANATIONS,
         exhibits=[_exhibit(exhibit) for exhibit in run.exhibits],
+        frames=frame_rows(run, table),
+        headings=HEADINGS,
         parameters=run.parameters.to_dict(),
     )
 

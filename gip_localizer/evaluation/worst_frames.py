@@ -105,7 +105,10 @@ class WorstFrames:
         shown = self._explained(first, ERRORS, ())
         shown += self._explained(CONSISTENCY, NEES, shown)
         return shown + [
-            replace(exhibit, why=f'First of {self._statuses[status]} frames with {status}.')
+            replace(exhibit, why=(
+                f'First of {count} frames with {status}.' if (count := self._statuses[status]) > 1
+                else f'The only frame with {status}.'
+            ))
             for status, exhibit in self._withheld.items()
         ]
 
