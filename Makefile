@@ -15,7 +15,7 @@ READY = $(VENV)/.ready
 RESULTS = --out $(or $(OUT),results/$@) $(if $(OUT),,--force)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo replay evaluate bench paper params figures fit-confidence fit-protection error-level test lint type pytest numpy fuzz soak clean
+.PHONY: help setup demo replay evaluate bench paper params figures fit-confidence fit-protection error-level sensitivity test lint type pytest numpy fuzz soak clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
@@ -67,6 +67,9 @@ fit-protection: $(READY) ## fit the tails of the protection level again (10 minu
 
 error-level: $(READY) ## consistency of the covariances for settings of the error level (10 minutes)
 	@$(VENV)/bin/python -m gip_localizer.evaluation.error_level_study
+
+sensitivity: $(READY) ## write docs/constants.md: the effect of each constant of matching (20 minutes)
+	@$(VENV)/bin/python -m gip_localizer.evaluation.sensitivity
 
 test: lint ## all checks; mypy runs in parallel with the tests
 	@$(MAKE) --no-print-directory --jobs=2 type pytest

@@ -27,13 +27,9 @@ from gip_localizer.core.search.window import (
 )
 from gip_localizer.parameters import Parameters
 
+# Share of the best fit score from which a place outside the window is its equal: on a road of
+# dashes 6 m apart the next dash has 0.99; with an arrow in view 0.76 to 0.89.
 EQUAL_SHARE = 0.9
-"""
-Share of the best fit score from which a place outside the window is its equal.
-
-On a road of dashes 6 m apart the next dash has 0.99; with an arrow in view 0.76 to 0.89.
-
-"""
 CANDIDATE_SHARE = 0.73  # of a fit score, from which a coarsely found place is searched around
 
 

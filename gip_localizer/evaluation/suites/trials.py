@@ -169,6 +169,10 @@ class Bench:
                      if np.isfinite(self.drive.motion.duration) else PLACES)
         return self.drive.frame(int(rng.integers(0, places)))
 
+    def restart(self) -> None:
+        """Localize the next frame with a new localizer."""
+        self._localizer = None
+
     def localize(self, image: Grey, prior: Pose2, covariance: Floats) -> Estimate:
         """Localize one frame from a new prior, independent of earlier frames."""
         if self._localizer is None:
