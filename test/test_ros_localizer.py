@@ -156,8 +156,16 @@ def test_priors_are_refused_and_each_new_reason_is_logged(tester, localizer, tmp
         tester.until(
             lambda: tester.said('prior', 'INITIALPOSE_REFUSED'), 'a report', alive=localizer
         )
-        said = (tmp_path / 'localizer.log').read_text().splitlines()
-        assert [line for line in said if 'INITIALPOSE_REFUSED' in line and reason in line]
+        tester.until(
+            lambda reason=reason: logged(tmp_path, 'INITIALPOSE_REFUSED', reason),
+            f'{reason} in the log', alive=localizer,
+        )
+
+
+def logged(folder, rule, reason):
+    """Return whether a line of the node's log names a rule and its reason."""
+    lines = (folder / 'localizer.log').read_text().splitlines()
+    return any(rule in line and reason in line for line in lines)
 
 
 def test_services_disable_and_enable(tester, localizer, render):
