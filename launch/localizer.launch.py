@@ -23,8 +23,8 @@ from launch_ros.actions import Node
 
 CONFIG = Path(get_package_share_directory('gip_localizer')) / 'config'
 TOPICS = (
-    'image', 'image/compressed', 'mask', 'camera_info', 'odom', 'initialpose', 'pose',
-    'pose_with_covariance', 'map',
+    'image', 'image/compressed', 'image/foxglove', 'mask', 'camera_info', 'odom', 'initialpose',
+    'pose', 'pose_with_covariance', 'map',
 )  # fmt: skip
 TREES = ('tf', 'tf_static')
 OF_THE_FILE = ('map_file', 'use_sim_time', 'lifecycle')

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from array import array
+from importlib.util import find_spec
 from itertools import cycle
 import os
 import signal
@@ -18,6 +19,7 @@ import pytest
 pytest.importorskip('rclpy')
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from ros_scene import *  # noqa: F403 - fixtures and the world
@@ -136,6 +138,33 @@ def test_a_video_is_localized_and_a_lost_packet_is_named(start, tester, render):
     tester.until(named, 'a report of the lost packet', alive=process)
 
 
+def test_foxglove_video_is_localized_or_refused_by_name(start, tester, render, tmp_path):
+    process = start({'image_transport': 'foxglove'}, known=False)
+    if find_spec('foxglove_msgs') is None:
+        assert process.wait(PATIENCE) == 1
+        assert 'the package foxglove_msgs is not installed' in lines(tmp_path)[-1]
+        return
+    pytest.importorskip('av', reason='PyAV is the extra `video`')
+    from foxglove_msgs.msg import CompressedVideo
+    from video_samples import encoded
+
+    camera = tester.create_publisher(CompressedVideo, 'image/foxglove', 10)
+    tester.until(camera.get_subscription_count, 'the localizer', alive=process)
+    picture = render(START)
+    packets = cycle(encoded('h265', [picture] * 10, gop=10))
+    stamps = (image.header.stamp for image in frames(picture))
+
+    def came():
+        tester.info.publish(camera_info())
+        camera.publish(CompressedVideo(timestamp=next(stamps), frame_id='camera', format='h265',
+                                       data=array('B', next(packets))))
+        tester.spin(0.1)
+        return len(tester.poses) >= 3
+
+    tester.until(came, 'poses', alive=process)
+    assert_near(tester.poses[-1], START)
+
+
 def test_images_that_are_never_stamped_give_no_pose_and_say_so(start, tester, render):
     process = start()
     [unstamped] = [next(frames(render(START), 0))]
@@ -163,20 +192,30 @@ def test_a_topic_that_sounds_rectified_is_doubted(start, tester, render):
     tester.until(said, 'the doubt', alive=process)
 
 
-def test_a_state_that_flaps_floods_neither_the_log_nor_the_diagnostics(
+def test_states_that_flap_flood_neither_the_log_nor_the_diagnostics(
     start, tester, render, tmp_path
 ):
+    """Every second frame black, every fifth a repetition, odometry and poses in wrong frames."""
     process = start()
     good = render(START)
     localized(tester, frames(good), process)
-    images = zip(frames(good, 1_800_000_000 * 10**9), cycle((False, True)), strict=False)
+    images, last = enumerate(frames(good, 1_800_000_000 * 10**9)), None
     before, heard, began = len(lines(tmp_path)), len(tester.diagnostics), time.monotonic()
     while time.monotonic() - began < 5.0:
-        image, black = next(images)
-        if black:
+        number, image = next(images)
+        if number % 2:
             image.data = type(image.data)('B', bytes(len(image.data)))
-        send(tester, image, process)
-    assert len(lines(tmp_path)) - before <= 12
+        send(tester, last if last is not None and number % 5 == 0 else image, process)
+        last = image
+        odometry = Odometry(header=image.header, child_frame_id='trailer')
+        tester.odom.publish(odometry)
+        tester.initial.publish(initial_pose(START, 'moon'))
+    said = lines(tmp_path)[before:]
+    assert {group for group in ('camera', 'match', 'odometry', 'prior')
+            if any(f' {group}: ' in line for line in said)} == {
+        'camera', 'match', 'odometry', 'prior',
+    }
+    assert len(said) <= 20
     assert len(tester.diagnostics) - heard <= 5.0 * (time.monotonic() - began) + 2
 
 

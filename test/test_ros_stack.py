@@ -215,7 +215,7 @@ def test_the_security_policy_allows_what_the_node_has(nodes, tester, map_file):
     process = nodes.start('localizer', parameters(map_file, changes))
     assert change_state(tester, Transition.TRANSITION_CONFIGURE)
     tester.until(tester.matched, 'the topics', alive=process)
-    optional = {'/image/compressed', '/tf', '/tf_static', '/bond'}
+    optional = {'/image/compressed', '/image/foxglove', '/tf', '/tf_static', '/bond'}
     tester.until(
         lambda: names_of('subscriber', tester) | optional == allowed('subscribe'), 'the inputs'
     )

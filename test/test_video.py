@@ -17,6 +17,7 @@ from gip_localizer.cli import main
 from gip_localizer.errors import ImageError
 from gip_localizer.io import video
 from gip_localizer.io.cdr import image_of, jazzy
+from gip_localizer.io.foxglove_video import VIDEO
 from gip_localizer.io.image_stream import ImageStream
 from gip_localizer.io.images import compressed_grey_image, grey_image
 
@@ -122,12 +123,12 @@ def test_length_prefixed_packets_and_a_missing_decoder_are_named(stream, monkeyp
     assert "pip install 'gip_localizer[video]'" in Reader(codec).read(packets[0])
 
 
-def test_replay_and_map_use_a_recorded_video(drive, tmp_path):
+@pytest.mark.parametrize('kind', ['sensor_msgs/msg/CompressedImage', VIDEO])
+def test_replay_and_map_use_a_recorded_video(drive, tmp_path, kind):
     """The drive's images as H.264: as the raw ones, within what the compression takes."""
     messages = recorded(drive)
     raws = [image_of(raw, 'Image') for topic, _, _, raw in messages if topic == '/image']
     packets = iter(encoded('h264', [grey_image(one) for one in raws], gop=5))
-    kind = 'sensor_msgs/msg/CompressedImage'
     rest = []
     for topic, msgtype, log, raw in messages:
         if topic != '/image':
@@ -135,13 +136,17 @@ def test_replay_and_map_use_a_recorded_video(drive, tmp_path):
             continue
         header = image_of(raw, 'Image').header
         data = np.frombuffer(next(packets), np.uint8)
-        message = jazzy().types[kind](header=header, format='h264', data=data)
-        rest.append(('/image/compressed', kind, log, bytes(jazzy().serialize_cdr(message, kind))))
+        stamped = {'timestamp': header.stamp, 'frame_id': 'camera'} if kind == VIDEO else {
+            'header': header}
+        message = jazzy().types[kind](format='h264', data=data, **stamped)
+        rest.append(('/image/video', kind, log, bytes(jazzy().serialize_cdr(message, kind))))
     bag = rewritten(tmp_path / 'video.mcap', rest)
     metrics = replayed(bag, drive, tmp_path / 'out')
     assert metrics['published'] >= 24
     assert metrics['rmse_xy_m'] < 0.03
     assert metrics['wrong_published'] == 0
+    if kind == VIDEO:
+        return
     road = tmp_path / 'road.yaml'
     assert main(['map', str(bag), '--params', str(drive / 'params.yaml'), '--resolution', '0.1',
                  '--out', str(road)]) == 0

@@ -46,7 +46,7 @@ from gip_localizer.session.dispatch import (
 from gip_localizer.session.input_checks import rectified_warning
 from gip_localizer.session.mask_sync import Frame
 
-COMPRESSED = IMAGES[1]
+COMPRESSED = IMAGES[1:]
 
 
 @dataclass
@@ -88,7 +88,7 @@ class Replay:
         """Prepare the localizer."""
         self._dispatch = Dispatch(
             self.raster_map, self.parameters, partial(print, file=sys.stderr),
-            compressed=self.topics.image.msgtype == COMPRESSED,
+            compressed=self.topics.image.msgtype in COMPRESSED,
         )
         if self.relocalize:
             self._dispatch.relocalize()
@@ -186,7 +186,7 @@ class Replay:
         self, on_frame: Callable[[Estimate], None], found: Iterable[tuple[Frame, Estimate]]
     ) -> None:
         """Keep the data of a frame for the results."""
-        compressed = self.topics.image.msgtype == COMPRESSED
+        compressed = self.topics.image.msgtype in COMPRESSED
         decode = compressed_grey_image if compressed else grey_image
         for frame, estimate in found:
             self._worst.add(partial(_or_none, decode, frame.message), estimate)

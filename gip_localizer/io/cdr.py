@@ -14,16 +14,19 @@ from functools import lru_cache
 from typing import Any
 
 from rosbags.serde import SerdeError
-from rosbags.typesys import get_typestore, Stores
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
 
 from gip_localizer.errors import ImageError
+from gip_localizer.io.foxglove_video import DEFINITION, VIDEO
 
 
 @lru_cache(maxsize=1)
 def jazzy() -> Typestore:
-    """Return the message types of ROS 2 Jazzy (shared; do not register into it)."""
-    return get_typestore(Stores.ROS2_JAZZY)
+    """Return the message types of ROS 2 Jazzy, and Foxglove's video (shared; do not register)."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg(DEFINITION, VIDEO))
+    return store
 
 
 def image_of(serialized: bytes, kind: str) -> Any:

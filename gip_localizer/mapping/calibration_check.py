@@ -103,7 +103,7 @@ def check_calibration(
     recorded, at = recorded_camera(bag, topics, parameters), parameters.camera
     camera = recorded
     rectifier = Rectifier(camera, parameters.birdseye)
-    decode = compressed_grey_image if topics.image.msgtype == IMAGES[1] else grey_image
+    decode = compressed_grey_image if topics.image.msgtype in IMAGES[1:] else grey_image
     step = max(topics.image.messages // most, 1)
     depth = BitDepth()
     frames: list[CheckedFrame] = []

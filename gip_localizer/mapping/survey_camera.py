@@ -65,7 +65,7 @@ class SurveyCamera:
                  resolution: float) -> None:
         self._camera = recorded_camera(bag, topics, parameters)
         self._depth = BitDepth()
-        self._compressed = topics.image.msgtype == IMAGES[1]
+        self._compressed = topics.image.msgtype in IMAGES[1:]
         self._noise = parameters.score.pixel_noise
         self._mask = load_mask(parameters.mask_file) if parameters.mask_file else None
         finer = parameters.replace({'birdseye.resolution': resolution / FINER}).birdseye

@@ -204,8 +204,9 @@ class Parameters(ParameterGroup):
         '', 'Image of the camera\'s size, black where it sees its own vehicle.', read_only=True
     )
     image_transport: str = p(
-        'raw', 'Which image topic is read: image, or image/compressed.',
-        choices=('raw', 'compressed'), read_only=True,
+        'raw', 'Which image topic is read: image, image/compressed, or image/foxglove '
+        '(foxglove_msgs/CompressedVideo).',
+        choices=('raw', 'compressed', 'foxglove'), read_only=True,
     )
     image_reliability: str = p(
         'best_effort', 'Requested QoS reliability of the image; with reliable no large frames are '

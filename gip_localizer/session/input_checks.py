@@ -102,7 +102,7 @@ def _span(seconds: float) -> str:
 
 def rectified_warning(topic: str, *, rectified: bool) -> str:
     """Return how a topic's name (of image_proc) contradicts `camera.rectified`, or empty."""
-    name = topic.removesuffix('/compressed').rsplit('/', 1)[-1]
+    name = topic.removesuffix('/compressed').removesuffix('/foxglove').rsplit('/', 1)[-1]
     if 'rect' in name.split('_') and not rectified:
         return (f'{topic} is named like rectified images, but camera.rectified is false: the '
                 'distortion would be removed twice; set camera.rectified: true')

@@ -24,6 +24,7 @@ from gip_localizer.io.bags.log_times import drive_times
 from gip_localizer.io.bags.source import BagMessage, END, Source, Topic
 from gip_localizer.io.bags.sources import open_source
 from gip_localizer.io.cdr import jazzy
+from gip_localizer.io.foxglove_video import packet_of, VIDEO
 from gip_localizer.io.natural_order import natural_key
 from gip_localizer.parameters.yaml_files import read_yaml, user_path, YamlFileError
 
@@ -104,7 +105,8 @@ class Bag:
     def decode(self, message: BagMessage) -> Any | None:
         """Return the message as an object; None, and a note, if it does not decode."""
         try:
-            return jazzy().deserialize_cdr(message.raw, message.msgtype)
+            decoded = jazzy().deserialize_cdr(message.raw, message.msgtype)
+            return packet_of(decoded) if message.msgtype == VIDEO else decoded
         except (SerdeError, IndexError, KeyError, UnicodeDecodeError) as error:
             self._note_skipped(message.topic, error)
             return None

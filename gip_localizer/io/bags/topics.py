@@ -11,8 +11,9 @@ import re
 from gip_localizer.errors import BagError
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.source import Topic
+from gip_localizer.io.foxglove_video import VIDEO
 
-IMAGES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
+IMAGES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage', VIDEO)
 MASK = IMAGES[:1]
 """Types of a mask: only uncompressed images."""
 CAMERA_INFO = ('sensor_msgs/msg/CameraInfo',)
@@ -97,7 +98,8 @@ def choose_topics(
     image = _one(rest, IMAGES, named.image, 'image', '--image-topic')
     if image is None:
         raise BagError(
-            'the bag holds no sensor_msgs/msg/Image and no CompressedImage; it holds: '
+            'the bag holds no sensor_msgs/msg/Image, CompressedImage or foxglove_msgs/msg/'
+            'CompressedVideo; it holds: '
             + _listed(bag.topics)
         )
     sibling = _sibling_info(topics, image.name)

@@ -21,6 +21,7 @@ from gip_localizer.errors import GipError
 from gip_localizer.parameters import Parameters
 from gip_localizer.ros.doctor.observed import Asked, Heard, Observed
 from gip_localizer.ros.endpoints import qos_conflict
+from gip_localizer.ros.localizer.subscriptions import video_type
 
 MARK = '/relocalize_and_wait'
 """Service that only a localizer offers."""
@@ -121,8 +122,8 @@ class StackGraph:
         """Return the topics of a localizer, by role."""
         topics = {'pose': Heard(self._published(name) or '/pose')}
         for role, kind in _kinds(parameters).items():
-            compressed = role == 'image' and kind is CompressedImage
-            default = '/image/compressed' if compressed else f'/{role}'
+            raw = role != 'image' or kind is Image
+            default = f'/{role}' if raw else f'/{role}/{parameters.image_transport}'
             topic = asked.topics.get(role) or self._of_node(name, kind) or default
             topics[role] = Heard(f'/{topic.lstrip("/")}')
         return topics
@@ -165,10 +166,12 @@ class StackGraph:
         return None
 
 
-
 def image_type(parameters: Parameters) -> Any:
-    """Return the message type of the images."""
-    return CompressedImage if parameters.image_transport == 'compressed' else Image
+    """Return the message type of the images (raises ParameterError if it is not installed)."""
+    transport = parameters.image_transport
+    if transport == 'foxglove':
+        return video_type()
+    return CompressedImage if transport == 'compressed' else Image
 
 
 def _kinds(parameters: Parameters) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo
 
+from gip_localizer.io.foxglove_video import packet_of
 from gip_localizer.io.image_stream import ImageStream
 from gip_localizer.io.messages import stamp_ns
 from gip_localizer.parameters import load_parameter_file, Parameters
@@ -107,6 +108,8 @@ class _Ears:
         stream = ImageStream()
 
         def keep(message: Any) -> None:
+            if hasattr(message, 'timestamp'):  # foxglove_msgs/CompressedVideo
+                message = packet_of(message)
             heard.arrivals_ns.append(self._now_ns())
             heard.stamps_ns.append(stamp_ns(message.header))
             heard.frames.add(str(message.header.frame_id))

@@ -27,7 +27,7 @@ def image(seen: Observed) -> Check:
         return fault
     found = f'{heard.topic}: {_rate(heard)}'
     try:
-        compressed = seen.parameters.image_transport == 'compressed'
+        compressed = seen.parameters.image_transport != 'raw'
         grey = (compressed_grey_image if compressed else grey_image)(heard.last)
     except ImageError as error:
         return Check(name, f'{found}: {error}', 'correct the driver, or set image_transport')

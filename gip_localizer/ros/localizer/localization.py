@@ -72,7 +72,7 @@ class Localization:
         self._node = node
         self._dispatch = Dispatch(
             self._map.raster_map, parameters, node.get_logger().error,
-            compressed=parameters.image_transport == 'compressed',
+            compressed=parameters.image_transport != 'raw',
         )
         self._parameters = parameters
         self._health = HealthMonitor(

@@ -16,7 +16,8 @@ from rclpy.qos import qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from gip_localizer.errors import ImageError
+from gip_localizer.errors import ImageError, ParameterError
+from gip_localizer.io.foxglove_video import packet_of
 from gip_localizer.parameters import Parameters
 from gip_localizer.ros.endpoints import listen, listen_to_latched, publishers_of
 from gip_localizer.session.dispatch import (
@@ -28,12 +29,18 @@ from gip_localizer.session.dispatch import (
 )
 
 try:
+    from foxglove_msgs.msg import CompressedVideo
+except ImportError:  # not in the wheels
+    CompressedVideo = None
+try:
     from gip_localizer.io.cdr import image_of
 except ImportError:  # without rosbags, rclpy decodes images, which takes more copies
     image_of = None  # type: ignore[assignment]
 
 ODOMETRY_KEPT = 1000
 """Depth of the odometry queue while a frame is localized; chosen: seconds at 100 Hz."""
+PACKETS_KEPT = 30
+"""Packets of a video that wait during a frame: each is needed; a second at 30 Hz."""
 MASKS_KEPT = 5
 """Depth of the mask queue while a frame is localized; chosen."""
 LOOK = 0.01
@@ -69,10 +76,7 @@ class Inputs:
             qos = _camera_qos(parameters, depth=MASKS_KEPT)
             self._listen_for(Image, 'mask', MASK, qos)
             node.create_timer(LOOK, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        compressed = parameters.image_transport == 'compressed'
-        topic = compressed_topic(node) if compressed else 'image'
-        qos = _camera_qos(parameters, depth=1)
-        self._listen_for(CompressedImage if compressed else Image, topic, IMAGE, qos)
+        topic, qos = self._listen_for_images(parameters)
         self._awaited = {
             IMAGE: (topic, qos), CAMERA_INFO: ('camera_info', qos_profile_sensor_data),
         }
@@ -99,6 +103,18 @@ class Inputs:
             while (taken := handle.take_message(Odometry, False)) is not None:
                 self._take(ODOMETRY, taken[0])
 
+    def _listen_for_images(self, parameters: Parameters) -> tuple[str, QoSProfile]:
+        """Subscribe to the images; return topic and quality of service."""
+        transport = parameters.image_transport
+        topic = 'image' if transport == 'raw' else transport_topic(self._node, transport)
+        qos = _camera_qos(parameters, depth=PACKETS_KEPT if transport == 'foxglove' else 1)
+        if transport != 'foxglove':
+            self._listen_for(Image if transport == 'raw' else CompressedImage, topic, IMAGE, qos)
+            return topic, qos
+        listen(self._node, video_type(), topic,
+               lambda message: self._take(IMAGE, packet_of(message)), qos)
+        return topic, qos
+
     def _listen_for(self, kind: type[Any], topic: str, role: str, qos: QoSProfile) -> None:
         """Subscribe to images or masks, whose pixels are not copied."""
         if image_of is None:
@@ -117,12 +133,23 @@ class Inputs:
         listen(self._node, kind, topic, unpack, qos, raw=True)
 
 
-def compressed_topic(node: Node) -> str:
+def video_type() -> Any:
+    """Return foxglove_msgs/CompressedVideo (raises ParameterError if it is not installed)."""
+    if CompressedVideo is None:
+        raise ParameterError(
+            'parameter image_transport: is foxglove, but the package foxglove_msgs is not '
+            'installed (apt install ros-jazzy-foxglove-msgs); expected raw or compressed '
+            'without it'
+        )
+    return CompressedVideo
+
+
+def transport_topic(node: Node, transport: str) -> str:
     """Return the topic of image_transport: below `image`, unless it is remapped itself."""
-    own = 'image/compressed'
+    own = f'image/{transport}'
     if node.resolve_topic_name(own) != node.resolve_topic_name(own, only_expand=True):
         return own
-    return f'{node.resolve_topic_name("image")}/compressed'
+    return f'{node.resolve_topic_name("image")}/{transport}'
 
 
 def _camera_qos(parameters: Parameters, depth: int) -> QoSProfile:
