@@ -19,7 +19,11 @@ from gip_localizer.session.diagnostics import HealthMonitor
 CHANGES = 0.2
 """Least time (s) between two publications because of a change; chosen."""
 REPEATED = 30.0
-"""Least time (s) between two log lines about the same state of a group; chosen."""
+"""Least time (s) between the first and the second log line about one state of a group; chosen."""
+LONGEST = 600.0
+"""The same for a state that recurs: the time doubles with each line up to this (s); chosen."""
+FORGOTTEN = 4.0
+"""Multiple of that time after which a state is logged as if for the first time; chosen."""
 MOST_STATES = 1000
 """Largest number of stored states; chosen, since messages contain text from other nodes."""
 NUMBER = re.compile(r'[-+]?[0-9][0-9.e+-]*')
@@ -48,7 +52,7 @@ class DiagnosticsPublisher:
         self._published: dict[str, str] = {}
         self._published_at = float('-inf')
         self._logged: dict[str, str] = {}
-        self._logged_at: dict[tuple[str, str], float] = {}
+        self._logged_at: dict[tuple[str, str], tuple[float, float]] = {}
 
     def publish_changes(self) -> None:
         """Publish if the set of rules has changed, at most once in `CHANGES`."""
@@ -73,23 +77,33 @@ class DiagnosticsPublisher:
             self._log(report)
 
     def _log(self, report: Report) -> None:
-        """Log a state that is not the last one logged, each at most once in `REPEATED`."""
+        """Log a state that is not the last one logged, unless it was logged not long ago."""
         group, now = report.group.name, self._health.steady()
         message = NUMBER.sub('', report.message) if report.rules else 'OK'
         if message == self._logged.get(group, 'OK'):
             return
-        if now - self._logged_at.get((group, message), float('-inf')) < REPEATED:
+        if not self._due(group, message, now):
             return
-        if len(self._logged_at) > MOST_STATES:
-            self._logged_at.clear()
         self._logged[group] = message
-        self._logged_at[group, message] = now
         text = f'{group}: {report.message}'
         # rclpy ties a severity to the line that logs.
         if report.level is Severity.OK:
             self._node.get_logger().info(text)
         else:
             self._node.get_logger().warning(text)
+
+    def _due(self, group: str, message: str, now: float) -> bool:
+        """Whether a state may be logged; one that comes again and again waits ever longer."""
+        last, wait = self._logged_at.get((group, message), (float('-inf'), 0.0))
+        if now - last < wait:
+            return False
+        if len(self._logged_at) > MOST_STATES:
+            self._logged_at.clear()
+        again = now - last < FORGOTTEN * wait
+        self._logged_at[group, message] = (
+            now, min(2.0 * wait, LONGEST) if again else REPEATED
+        )  # fmt: skip
+        return True
 
 
 def _rules(reports: Sequence[Report]) -> dict[str, str]:
