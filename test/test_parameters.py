@@ -31,7 +31,7 @@ def test_the_names_that_users_rely_on_are_there():
     assert SPECS['score.metric'].choices == (
         'gip', 'gip_normalized', 'euclidean', 'euclidean_normalized'
     )
-    assert SPECS['image_transport'].choices == ('raw', 'compressed')
+    assert SPECS['image_transport'].choices == ('raw', 'compressed', 'foxglove')
 
 
 @pytest.mark.parametrize('tree', TREES)
