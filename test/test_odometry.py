@@ -78,7 +78,7 @@ def test_numbers_that_are_none_are_refused(field, bad):
     value = Pose2(0.0, bad, 0.0) if field == 'pose' else bad
     sample = OdometrySample(**{'stamp_ns': 990 * MS, 'pose': Pose2(0, 0, 0), field: value})
     assert not buffer.add(sample)
-    assert 'NaN' in buffer.complaint
+    assert 'NaN' in buffer.refusal
     assert buffer.refused == 1
     assert buffer.motion(0, 900 * MS) == before
 
@@ -88,17 +88,17 @@ def test_stamps_that_step_back_a_little_are_refused(back_ns):
     buffer = driven()
     last = buffer.latest.stamp_ns
     assert not buffer.add(OdometrySample(last - back_ns, Pose2(0.0, 0.0, 0.0)))
-    assert ('before the last' if back_ns else 'repeats the stamp') in buffer.complaint
+    assert ('before the last' if back_ns else 'repeats the stamp') in buffer.refusal
     assert buffer.latest.stamp_ns == last
     assert buffer.add(OdometrySample(last + 20 * MS, on_circle(1e-9 * last + 0.02)))
-    assert buffer.complaint == ''
+    assert buffer.refusal == ''
 
 
 def test_a_restart_of_the_clock_starts_afresh():
     buffer = OdometryBuffer(Motion())
     assert buffer.add(OdometrySample(100 * S, Pose2(50.0, 0.0, 0.0)))
     assert not buffer.add(OdometrySample(0, Pose2(0.0, 0.0, 0.0)))
-    assert 'jumps by -100.000 s' in buffer.complaint
+    assert 'jumps by -100.000 s' in buffer.refusal
     assert buffer.add(OdometrySample(100 * MS, Pose2(0.5, 0.0, 0.0)))
     assert buffer.motion(0, 100 * MS) == pytest.approx((0.5, 0.0, 0.0))
     assert buffer.motion(0, 100 * S) is None
@@ -110,7 +110,7 @@ def test_single_stamps_of_long_ago_are_told_and_cost_nothing(back_s):
     for n in range(3):
         last = buffer.latest.stamp_ns
         assert not buffer.add(OdometrySample(last - back_s * S, Pose2(0.0, 0.0, 0.0)))
-        assert f'jumps by -{back_s}.000 s' in buffer.complaint
+        assert f'jumps by -{back_s}.000 s' in buffer.refusal
         assert buffer.add(OdometrySample(last + 20 * MS, on_circle(1e-9 * last + 0.02)))
         assert buffer.motion(last - 200 * MS, last) is not None, n
     assert buffer.refused == 3
@@ -120,7 +120,7 @@ def test_a_jump_is_told_and_no_motion_leads_across_it():
     buffer = driven()
     last = buffer.latest.stamp_ns
     assert not buffer.add(OdometrySample(last + 20 * MS, Pose2(500.0, 0.0, 0.0)))
-    assert 'jumped' in buffer.complaint
+    assert 'jumped' in buffer.refusal
     assert buffer.motion(last - 20 * MS, last + 20 * MS) is None
     # after the jump odometry is good again
     assert buffer.add(OdometrySample(last + 40 * MS, Pose2(500.1, 0.0, 0.0)))

@@ -152,7 +152,7 @@ class Frontend:
         if self.localizer.add_odometry(sample):
             self.complaints.pop('odom', None)
         else:
-            self.refuse('odom', self.localizer.state.pose_filter.odometry.complaint)
+            self.refuse('odom', self.localizer.state.pose_filter.odometry.refusal)
 
     def on_initial_pose(self, message: Any) -> None:
         """Use a geometry_msgs/PoseWithCovarianceStamped as the prior."""

@@ -84,7 +84,7 @@ def same_pixels(first: Grey, second: Grey) -> bool:
 def odometry_warnings(stamp_ns: int, pose_filter: PoseFilter) -> dict[str, str]:
     """Return the odometry rules that hold at an image, and their details."""
     found = {}
-    apart = pose_filter.odometry.apart(stamp_ns)
+    apart = pose_filter.odometry.newest_ahead(stamp_ns)
     if apart is not None and pose_filter.odometry.pose_at(stamp_ns) is None:
         side = 'ahead of' if apart > 0.0 else 'behind'
         found['ODOMETRY_OFF_TIME'] = (

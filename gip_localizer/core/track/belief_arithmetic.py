@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Beliefs that are moved, compared and fused: the arithmetic of the pose filter."""
+"""Prediction, comparison and fusion of beliefs: the equations of the pose filter."""
 
 from __future__ import annotations
 
@@ -10,17 +10,29 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.core.belief import Belief
 from gip_localizer.core.pose import Pose2, wrap_angle
 
-GATE_SQ = 21.1  # chi-square, 3 degrees of freedom, 99.99 %
+# Largest squared Mahalanobis distance (no unit) of two poses that agree: the 99.99 % quantile of
+# the chi-square distribution with 3 degrees of freedom (x, y, yaw).
+GATE_SQ = 21.1
 
 
 def agree(innovation: Floats, total: Floats) -> bool:
-    """Whether two poses differ by no more than their covariances allow."""
+    """
+    Return whether two poses differ by no more than their covariances allow.
+
+    Parameters
+    ----------
+    innovation : (3,) array
+        Difference of the poses in x, y (m) and yaw (rad).
+    total : (3, 3) array
+        Sum of their covariances.
+
+    """
     return bool(innovation @ np.linalg.solve(total, innovation) < GATE_SQ)
 
 
-def beyond(length: float, reach: float) -> float:
-    """Share of a length that lies beyond a reach."""
-    return max(1.0 - reach / length, 0.0) if length > 0.0 else 0.0
+def excess_share(length: float, limit: float) -> float:
+    """Return the share of a length that exceeds a limit of the same unit."""
+    return max(1.0 - limit / length, 0.0) if length > 0.0 else 0.0
 
 
 def scaled(motion: Pose2, factor: float) -> Pose2:
@@ -29,7 +41,7 @@ def scaled(motion: Pose2, factor: float) -> Pose2:
 
 
 def moved(belief: Belief, stamp_ns: int, motion: Pose2, motion_covariance: Floats) -> Belief:
-    """Return a belief after a motion (base axes) of a covariance (3, 3)."""
+    """Return a belief after a motion and its covariance (3, 3), both in base axes at the start."""
     pose = belief.pose @ motion
     shift = np.eye(3)
     shift[0, 2], shift[1, 2] = -(pose.y - belief.pose.y), pose.x - belief.pose.x
@@ -43,8 +55,8 @@ def fused(prior: Belief, measured: Belief, innovation: Floats, total: Floats) ->
     """
     Return the Kalman update of a prior; `innovation` (3,) has the covariance `total` (3, 3).
 
-    The gain is that of independent errors; the covariance counts what both share in full
-    (Schmidt 1966), so that it does not average away.
+    The gain is that for independent errors. Errors that both beliefs share stay in the covariance
+    in full (Schmidt 1966), because averaging does not reduce them.
 
     """
     gain = np.linalg.solve(total, prior.covariance).T

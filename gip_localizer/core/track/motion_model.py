@@ -4,8 +4,8 @@
 Motion of the vehicle since its last fix, and the uncertainty of that motion.
 
 Odometry is used where fixes have confirmed it, else the velocity of the last fixes (constant
-velocity model), else the vehicle is assumed to stand. The uncertainty grows with the distance and
-the time since the last fix, however many frames lie between.
+velocity model), else the vehicle is assumed to be stationary. The uncertainty grows with the
+distance and the time since the last fix, however many frames lie between.
 
 """
 
@@ -28,28 +28,29 @@ from gip_localizer.core.track.odometry_check import (
 )
 from gip_localizer.parameters import Motion
 
-# Longest time (s) since a fix for which its velocity is extrapolated (design choice: a road
-# vehicle can stop or turn within it).
+# Longest time (s) since a fix for which its velocity is extrapolated (design choice: 2 s, because
+# a road vehicle can stop or turn within that time).
 VELOCITY_AGE_S = 2.0
-# Factor on the growth of the uncertainty with time where no odometry is used (design choice).
+# Factor (no unit) on the standard deviations that grow with time where no odometry is used (design
+# choice: 5, because the velocity of the last fixes does not contain later accelerations).
 WITHOUT_ODOMETRY = 5.0
 
 
 @dataclass(frozen=True, eq=False)
 class FilterState:
     """
-    What is known of the vehicle from fixes and motion.
+    Belief, velocity and fixes of the vehicle at one time.
 
     Attributes
     ----------
     belief : Belief or None
         The last fix, or a prediction since.
     velocity : Pose2 or None
-        Of the last fixes, per second, base axes.
+        Mean velocity between the last two fixes (m/s, m/s, rad/s), in base axes.
     last_fix, compared_since : Belief or None
         The last fix, and the fix from which odometry is compared with the fixes.
     origin : Belief or None
-        What `belief` was predicted from: the last fix, or the belief given from outside.
+        The belief from which `belief` was predicted: the last fix, or an initial pose.
 
     """
 
@@ -81,9 +82,10 @@ class MotionModel:
     odometry : OdometryBuffer
         Recent odometry.
     odometry_check : OdometryCheck
-        Whether the fixes confirm it.
+        Whether the fixes confirm the odometry.
     source : str
-        Of the last motion: odometry, constant velocity, standstill; none before the first.
+        Source of the last motion: 'odometry', 'constant velocity' or 'standstill'; 'none' before
+        the first motion.
 
     """
 
@@ -112,7 +114,7 @@ class MotionModel:
         return Pose2(0.0, 0.0, 0.0), WITHOUT_ODOMETRY
 
     def between(self, known: FilterState, start_ns: int, end_ns: int) -> Pose2 | None:
-        """Return the motion between two stamps as far as it is known without a match."""
+        """Return the motion between two stamps from odometry or velocity; None without both."""
         measured = self.odometry.motion(start_ns, end_ns)
         if measured is not None and not self.odometry_check.rejected:
             return measured
@@ -127,11 +129,11 @@ class MotionModel:
         Parameters
         ----------
         factor : float
-            On the standard deviations that grow with time.
+            Factor on the standard deviations that grow with time.
         driven : (float, float)
-            Distance since the fix at the start and at the end of the part, m.
+            Distance (m) from the fix to the start and to the end of the part.
         elapsed : (float, float)
-            Time since the fix likewise, s.
+            Time (s) from the fix to the start and to the end of the part.
 
         """
         noise = self.noise
@@ -140,8 +142,8 @@ class MotionModel:
         yaw = noise.sigma_yaw_per_m**2 * far + (factor * noise.sigma_yaw_per_s) ** 2 * long
         return np.diag([xy, xy, yaw])
 
-    def freedom(self, seconds: float) -> tuple[float, float]:
-        """Return by how much (m, rad) the true motion since a fix may differ from the model."""
+    def largest_deviation(self, seconds: float) -> tuple[float, float]:
+        """Return the largest difference (m, rad) of the true motion since a fix from the model."""
         if self.source == 'odometry':
             return 0.0, 0.0
         if self.source == 'constant velocity':

@@ -12,13 +12,14 @@ from gip_localizer.core.pose import interpolate, Pose2
 from gip_localizer.core.track.stamp_check import REWIND_NS
 from gip_localizer.parameters import Motion
 
-# Age (ns), relative to the newest sample, from which samples are dropped (design choice: longer
-# than an image is delayed by a search of the whole map).
+# Age (ns), relative to the newest sample, above which samples are dropped (design choice: 20 s,
+# because a search of the whole map delays an image by less).
 KEPT_NS = 20_000_000_000
-# Largest yaw rate (rad/s) that is accepted: a robot that turns on the spot reaches a fifth of it.
+# Largest yaw rate (rad/s) that is accepted (design choice: 50 rad/s, because robots that turn on
+# the spot reach a fifth of it).
 MAX_TURN = 50.0
-# Step of the stamps (s) ahead from which, as from a step back by REWIND_NS, the next sample must
-# confirm the new time (design choice: longer than any pause of a driver that works).
+# Forward step of the stamps (s) above which the next sample must confirm the new time, as after a
+# backward step of REWIND_NS (design choice: 20 s, because a working driver pauses for less).
 LEAP_S = 20.0
 
 
@@ -32,9 +33,9 @@ class OdometrySample:
     stamp_ns : int
         Nanoseconds.
     pose : Pose2
-        Base in odom.
+        Pose of base in odom.
     forward, left : float
-        Body velocity, m/s.
+        Velocity along the base axes, m/s.
     turn : float
         Yaw rate, rad/s.
 
@@ -50,21 +51,21 @@ class OdometrySample:
 @dataclass
 class OdometryBuffer:
     """
-    Recent odometry, ordered by stamp, and the reason of the last refusal.
+    Recent odometry, ordered by stamp, and the reason why the last sample was refused.
 
     Attributes
     ----------
     limits : Motion
-        Largest gap and speed.
-    complaint : str
-        Reason of the last refusal; empty after an accepted sample.
+        Largest gap between samples and largest speed.
+    refusal : str
+        Why the last sample was refused; empty after an accepted sample.
     refused : int
         Samples refused so far.
 
     """
 
     limits: Motion
-    complaint: str = ''
+    refusal: str = ''
     refused: int = 0
     _unconfirmed: OdometrySample | None = None
     _samples: list[OdometrySample] = field(default_factory=list)
@@ -80,9 +81,9 @@ class OdometryBuffer:
         self._unconfirmed = None
 
     def add(self, sample: OdometrySample) -> bool:
-        """Add a sample; return False if it is refused (see `complaint`)."""
-        self.complaint = self._fault(sample)
-        if self.complaint:
+        """Add a sample; return False if it is refused (see `refusal`)."""
+        self.refusal = self._fault(sample)
+        if self.refusal:
             self.refused += 1
             return False
         self._samples.append(sample)
@@ -99,7 +100,7 @@ class OdometryBuffer:
         if speed > self.limits.max_speed or abs(sample.turn) > MAX_TURN:
             return (
                 f'odometry reports {speed:.3g} m/s and {sample.turn:.3g} rad/s; expected at most '
-                f' motion.max_speed {self.limits.max_speed:g} m/s and {MAX_TURN:g} rad/s'
+                f'motion.max_speed {self.limits.max_speed:g} m/s and {MAX_TURN:g} rad/s'
             )
         if self.latest is None:
             return ''
@@ -107,13 +108,13 @@ class OdometryBuffer:
         if not -REWIND_NS * 1e-9 <= ahead <= LEAP_S:
             if not self._confirms_time(sample):
                 return (
-                    f'odometry stamp jumps by {ahead:+.3f} s; it is used if the next one '
-                    'continues from it'
+                    f'odometry stamp jumps by {ahead:+.3f} s; the new time is used if the next '
+                    'message confirms it'
                 )
         elif ahead == 0.0:
-            return 'odometry repeats the stamp of the last one'
+            return 'odometry repeats the stamp of the last message'
         elif ahead < 0.0:
-            return f'odometry stamp is {-ahead:.3f} s before the last one'
+            return f'odometry stamp is {-ahead:.3f} s before the last message'
         self._unconfirmed = None
         return self._jump(sample, self.latest)
 
@@ -134,8 +135,8 @@ class OdometryBuffer:
         self._samples = [jumped]
         return True
 
-    def apart(self, stamp_ns: int) -> float | None:
-        """Seconds by which the newest sample is ahead of a stamp; None without samples."""
+    def newest_ahead(self, stamp_ns: int) -> float | None:
+        """Return the seconds from a stamp to the newest sample; None without samples."""
         last = self._unconfirmed or self.latest
         return None if last is None else (last.stamp_ns - stamp_ns) * 1e-9
 

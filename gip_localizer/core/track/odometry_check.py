@@ -3,10 +3,10 @@
 """
 Whether odometry is used: its motion compared with the motion between fixes.
 
-Odometry that stays at zero, is of another vehicle or in other units is well-formed, and only the
-matches show that it is wrong. It is therefore used once it has agreed with fixes over a motion
-that would have shown an error, and rejected at the first contradiction. Until then the velocity
-of the fixes is used instead.
+Odometry that stays at zero, comes from another vehicle or has other units is well-formed; only the
+matches show that it is wrong. It is therefore used after it has agreed with the fixes over a
+motion that is long enough to show an error, and rejected at the first contradiction. Until then
+the velocity of the fixes is used instead.
 
 """
 
@@ -18,23 +18,25 @@ import math
 from gip_localizer.core.pose import Pose2, wrap_angle
 
 # Difference of two motions (m, rad) that is allowed in addition to their uncertainty (design
-# choice: time stamps of odometry and images differ by some milliseconds).
+# choice: 0.1 m, because stamps of odometry and images differ by milliseconds, and 0.02 rad).
 SLACK_XY, SLACK_YAW = 0.1, 0.02
-# Standard deviations of their difference by which two motions may differ (99.7 %).
+# Number of standard deviations by which two motions may differ: 99.7 % of a normal distribution.
 SIGMAS = 3.0
-# Time (s) over which motions are compared, so that small errors of the velocity add up (design
-# choice).
+# Least time (s) over which an agreement counts (design choice: 1 s, because small errors of the
+# velocity add up to more than the slack within it).
 SPAN_S = 1.0
-# Consecutive agreements before rejected odometry is used again (design choice).
+# Number of consecutive agreements before rejected odometry is used again (design choice: 3,
+# because a single agreement after a contradiction may be by chance).
 AGREEMENTS_AGAIN = 3
-# Largest accelerations of a road vehicle (m/s², rad/s²): twice what tyres can transmit.
+# Largest accelerations of a road vehicle (m/s², rad/s²; design choice: 20 m/s², because tyres
+# transmit at most half of it, and 10 rad/s²).
 MAX_ACCELERATION, MAX_TURN_ACCELERATION = 20.0, 10.0
 
 
 @dataclass
 class OdometryCheck:
     """
-    Compares odometry with the fixes.
+    Compares the motion by odometry with the motion between fixes.
 
     Attributes
     ----------
@@ -61,9 +63,9 @@ class OdometryCheck:
         Parameters
         ----------
         measured : Pose2
-            By odometry, metres and radians.
+            Motion by odometry, m and rad.
         extrapolated : Pose2 or None
-            By the velocity of the last fixes; None where there is none.
+            Motion by the velocity of the last fixes; None without a velocity.
         elapsed : float
             Duration of both, s.
 
@@ -104,9 +106,8 @@ class OdometryCheck:
             self.believed = False
             self._agreements = 0
             self.detail = (
-                f'odometry reports a motion of ({measured.x:.2f} m, {measured.y:.2f} m, '
-                f'{measured.yaw:.3f} rad) in {elapsed:.2f} s, the matches ({by_fixes.x:.2f} m, '
-                f'{by_fixes.y:.2f} m, {by_fixes.yaw:.3f} rad)'
+                f'odometry reports a motion of {_text(measured)} in {elapsed:.2f} s, the matches '
+                f'{_text(by_fixes)}'
             )
             return True
         if elapsed < SPAN_S:
@@ -120,6 +121,10 @@ class OdometryCheck:
         if not self.rejected or self._agreements >= AGREEMENTS_AGAIN:
             self.believed = True
             self.detail = ''
+
+
+def _text(motion: Pose2) -> str:
+    return f'({motion.x:.2f} m, {motion.y:.2f} m, {motion.yaw:.3f} rad)'
 
 
 def _differences(one: Pose2, other: Pose2) -> tuple[float, float]:

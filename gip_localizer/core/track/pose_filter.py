@@ -3,8 +3,8 @@
 """
 The prior of each frame: the last pose moved by the motion model, and its fusion with each match.
 
-A Kalman filter on (x, y, yaw). Without matches the covariance grows until the prior constrains
-nothing; a prediction is never published as a pose.
+A Kalman filter on (x, y, yaw). Without matches the covariance grows until the prior no longer
+constrains the pose; a prediction is never published as a pose.
 
 """
 
@@ -17,7 +17,7 @@ import numpy as np
 
 from gip_localizer.core.belief import Belief
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.core.track.belief_arithmetic import agree, beyond, fused, moved, scaled
+from gip_localizer.core.track.belief_arithmetic import agree, excess_share, fused, moved, scaled
 from gip_localizer.core.track.motion_model import (
     FilterState,
     MotionModel,
@@ -28,8 +28,8 @@ from gip_localizer.core.track.odometry import OdometryBuffer
 from gip_localizer.core.track.odometry_check import OdometryCheck
 from gip_localizer.parameters import Motion
 
-# Standard deviations of a prediction within which the vehicle is assumed to be (design choice: a
-# normal error lies outside once in 16,000 frames).
+# Number of standard deviations of a prediction within which the vehicle is assumed to be (design
+# choice: 4, because a normally distributed error is larger only once in 16,000 frames).
 REACH_SIGMAS = 4.0
 
 
@@ -160,15 +160,15 @@ class PoseFilter:
             The match.
 
         """
-        distance, turn = self._model.freedom(prior.since_fix)
+        distance, turn = self._model.largest_deviation(prior.since_fix)
         innovation = difference(measured.pose, prior.pose)
-        innovation[:2] *= beyond(math.hypot(innovation[0], innovation[1]), distance)
-        innovation[2] *= beyond(abs(innovation[2]), turn)
+        innovation[:2] *= excess_share(math.hypot(innovation[0], innovation[1]), distance)
+        innovation[2] *= excess_share(abs(innovation[2]), turn)
         return agree(innovation, prior.covariance + measured.covariance)
 
     def reach(self, prior: Belief) -> float:
         """Return the distance from a prediction (m) within which the vehicle may be."""
-        distance, _ = self._model.freedom(prior.since_fix)
+        distance, _ = self._model.largest_deviation(prior.since_fix)
         variance = float(max(prior.covariance[0, 0], prior.covariance[1, 1]))
         return REACH_SIGMAS * math.sqrt(variance) + distance
 

@@ -1,27 +1,28 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which frames are used: each one that is newer than the frame before it.
+Checks that each frame is newer than the frame before it.
 
-A stamp far from the last one may be a single wrong stamp, or time itself may have jumped (a bag
-in a loop, a long pause). The next frame decides, so that a single wrong stamp does not reset the
-belief. A step ahead of less than a minute is accepted at once; if the next frame is older than
-it, its stamp was wrong.
+A stamp far from the last one is either a single wrong stamp, or time itself has jumped (a bag that
+is played in a loop, a long pause). The next frame decides, so that a single wrong stamp does not
+reset the belief. A forward step of less than a minute is accepted at once; if the next frame is
+older, the stamp was wrong.
 
 """
 
 from __future__ import annotations
 
-# Step back (ns) from which time has restarted; smaller ones are frames out of order (design
-# choice: longer than any transport delays a frame).
+# Backward step (ns) above which time has restarted; frames of smaller steps are out of order
+# (design choice: 1 s, because no transport delays a frame for longer).
 REWIND_NS = 1_000_000_000
-# Step ahead (ns) from which a stamp may prove wrong (design choice: several times the period of
-# the slowest cameras).
-HOP_NS = 500_000_000
-# Step ahead (ns) that the next frame must confirm (design choice).
+# Forward step (ns) above which a later frame may show that the stamp was wrong (design choice:
+# 0.5 s, because it is several times the period of the slowest cameras).
+SUSPECT_STEP_NS = 500_000_000
+# Forward step (ns) above which the next frame must confirm the stamp (design choice: 60 s, because
+# a camera that works pauses for less).
 LEAP_NS = 60_000_000_000
-# Time (ns) before the last frame from which a stamp must be of another clock: odometry is kept
-# for as long.
+# Age (ns) of a stamp, relative to the last frame, above which it must be of another clock (design
+# choice: 20 s, because odometry is kept for as long).
 LONG_PAST_NS = 20_000_000_000
 
 
@@ -31,20 +32,20 @@ class StampCheck:
 
     Attributes
     ----------
-    hopped : bool
-        The frame is used, and the next frame may show that its stamp was too late.
+    suspect : bool
+        The frame is used, but the next frame may show that its stamp was too late.
     returned : bool
-        The frame is used, and the stamp of the one before was too late.
+        The frame is used, and shows that the stamp of the frame before was too late.
     went_back : float
         Seconds by which the frame confirms that time went back; 0: it did not.
 
     """
 
     def __init__(self) -> None:
-        self.hopped = self.returned = False
+        self.suspect = self.returned = False
         self.went_back = 0.0
         self._last_ns: int | None = None
-        self._before_ns: int | None = None  # the frame before a step ahead
+        self._before_ns: int | None = None  # the frame before a suspect step
         self._unconfirmed_ns: int | None = None
 
     def __str__(self) -> str:
@@ -55,12 +56,12 @@ class StampCheck:
         return f'{last}, {self._unconfirmed_ns} ns to be confirmed'
 
     def is_long_past(self, stamp_ns: int) -> bool:
-        """Return whether a stamp is so far before the last frame that its clock must differ."""
+        """Return whether a stamp is so much older than the last frame that its clock differs."""
         return self._last_ns is not None and stamp_ns < self._last_ns - LONG_PAST_NS
 
     def fault(self, stamp_ns: int) -> str:
         """Return why a frame is not used; an empty string if it is used."""
-        self.hopped = self.returned = False
+        self.suspect = self.returned = False
         self.went_back = 0.0
         last, before = self._last_ns, self._before_ns
         jumped, self._unconfirmed_ns = self._unconfirmed_ns, None
@@ -79,7 +80,7 @@ class StampCheck:
                     'the one before; its time is accepted if the next frame continues from it'
                 )
             self.went_back = max(-ahead, 0) * 1e-9
-            self.hopped = ahead > HOP_NS
-        self._before_ns = last if self.hopped else None
+            self.suspect = ahead > SUSPECT_STEP_NS
+        self._before_ns = last if self.suspect else None
         self._last_ns = stamp_ns
         return ''

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Everything that is kept of a drive from frame to frame, in one object that can be printed.
+All state of a drive that is kept from frame to frame, in one object that can be printed.
 
 The tracking state machine (initialized, confirming, tracking, lost, relocalizing), the belief and
 the odometry, the gain of the image, and the time order of the frames.
@@ -24,7 +24,9 @@ from gip_localizer.core.track.pose_filter import PoseFilter
 from gip_localizer.core.track.stamp_check import StampCheck
 from gip_localizer.parameters import Parameters
 
-NOW = -(1 << 62)  # stamp (ns) of a belief that holds at the next frame, whenever that comes
+# Stamp (ns) of a belief that is valid at the next frame, whatever its stamp (design choice: a
+# number that no clock reports).
+NOW = -(1 << 62)
 
 
 class Phase(str, Enum):
@@ -45,8 +47,8 @@ class TrackState:
     Parameters
     ----------
     parameters : Parameters
-        Initial pose, noise of the motion, when a belief counts as lost, how often the map is
-        searched, and how many frames must confirm a place that was found.
+        Initial pose, noise of the motion, number of misses before the track is lost, period of the
+        searches of the whole map, and number of frames that must confirm a place that was found.
 
     Attributes
     ----------
@@ -55,16 +57,17 @@ class TrackState:
     stamps : StampCheck
         Time order of the frames.
     gain : float or None
-        Of the image relative to the map at the last match; None before the first match of this
-        calibration.
+        Gain of the image relative to the map at the last match; None before the first match with
+        this calibration.
     error_level : ErrorLevel
-        Of the smooth errors of road, map and calibration, from the matches of this calibration.
+        Level of the smooth errors of road, map and calibration, from the matches with this
+        calibration.
     misses : int
         Consecutive frames without a fix.
     unconfirmed : int
         Agreeing frames that a place found by a search of the whole map still needs.
     from_initialpose : bool
-        The belief was given from outside, and no frame has matched yet.
+        The belief is an initial pose, and no frame has matched since.
     search_requested : bool
         A search of the whole map was requested, and no place has been confirmed since.
 
@@ -78,7 +81,7 @@ class TrackState:
         self.error_level = ErrorLevel()
         self.search_requested = False
         self._searched_ns: int | None = None
-        self._before_hop = FilterState()
+        self._before_suspect = FilterState()
         self.restart()
 
     def __str__(self) -> str:
@@ -117,7 +120,7 @@ class TrackState:
             self.pose_filter.reset(Belief(NOW, Pose2(pose.x, pose.y, pose.yaw), covariance))
 
     def start_from(self, prior: Belief) -> None:
-        """Start again from a belief given from outside; its stamp 0 means now."""
+        """Start again from an initial pose; its stamp 0 means now."""
         if prior.stamp_ns == 0 or self.stamps.is_long_past(prior.stamp_ns):
             prior = replace(prior, stamp_ns=NOW)
         self.pose_filter.reset(prior)
@@ -127,7 +130,7 @@ class TrackState:
         self.gain = None
 
     def forget_calibration(self) -> None:
-        """Forget what holds for one calibration only: gain and level of the smooth errors."""
+        """Forget the gain and the level of the smooth errors, which depend on the calibration."""
         self.gain = None
         self.error_level = ErrorLevel()
 
@@ -146,10 +149,10 @@ class TrackState:
         fault = self.stamps.fault(stamp_ns)
         if fault:
             return fault
-        if self.stamps.hopped:
-            self._before_hop = self.pose_filter.known
+        if self.stamps.suspect:
+            self._before_suspect = self.pose_filter.known
         elif self.stamps.returned:
-            self.pose_filter.known = self._before_hop
+            self.pose_filter.known = self._before_suspect
         elif self.stamps.went_back:
             self.restart()
             self.pose_filter.odometry.clear()
@@ -169,7 +172,7 @@ class TrackState:
 
     @property
     def confirmed(self) -> bool:
-        """Whether the belief rests on published fixes."""
+        """Whether published fixes confirm the belief."""
         return not (self.from_initialpose or self.unconfirmed or self.lost)
 
     def search_due(self, stamp_ns: int) -> bool:
@@ -182,30 +185,30 @@ class TrackState:
         return since < 0 or since >= recovery.period * 1e9
 
     def searched(self, stamp_ns: int) -> None:
-        """Note that the whole map was searched for a frame."""
+        """Record that the whole map was searched for a frame."""
         self._searched_ns = stamp_ns
 
     def accept(
         self, prior: Belief | None, match: Belief, *, gain: float, error_level: ErrorLevel
     ) -> Belief:
         """
-        Take a match that is believed.
+        Update the state with an accepted match.
 
         Parameters
         ----------
         prior : Belief or None
-            What `predict` returned for the frame.
+            Result of `predict` for the frame.
         match : Belief
             The match at the frame's stamp.
         gain : float
-            Of the image relative to the map at the match.
+            Gain of the image relative to the map at the match.
         error_level : ErrorLevel
-            Of the smooth errors after the match.
+            Level of the smooth errors after the match.
 
         Returns
         -------
         Belief
-            Fused with the prior, or the match alone where no fix supports the prior.
+            The match fused with the prior, or the match alone where no fix supports the prior.
 
         """
         self.gain = gain
@@ -232,7 +235,7 @@ class TrackState:
         return not self.pose_filter.follows(prior, match)
 
     def miss(self, prior: Belief | None) -> None:
-        """Note a frame without a match; an unconfirmed place is given up."""
+        """Count a frame without a match, and discard a place that is not confirmed yet."""
         self.misses += 1
         if self.unconfirmed > 0:
             self.unconfirmed = 0
