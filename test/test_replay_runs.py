@@ -14,9 +14,11 @@ from run_samples import Frame
 from gip_localizer.cli import main
 from gip_localizer.core.pose import Pose2
 from gip_localizer.evaluation.no_pose import no_pose_advice
+from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.recordings import recordings
 
 IMAGE, ODOM = 'sensor_msgs/msg/Image', 'nav_msgs/msg/Odometry'
+INFO = 'sensor_msgs/msg/CameraInfo'
 SECOND = 1_000_000_000
 
 
@@ -32,6 +34,16 @@ def parts(tmp_path):
     def named(*bags):
         return [bag_of(tmp_path / f'{n}.mcap', *bag) for n, bag in enumerate(bags)]
     return named
+
+
+@pytest.mark.parametrize(('named', 'expected'), [(None, [[0], [1]]), ('cam', [[0, 1]])])
+def test_two_calibrated_cameras_are_two_runs_unless_one_is_named(parts, named, expected):
+    paths = parts(('/cam', IMAGE, 0, 5), ('/rear', IMAGE, 0, 5))
+    for path, topic in zip(paths, ('/cam', '/rear'), strict=True):
+        frames = [(m.topic, m.msgtype, m.log_ns, bytes(m.raw))
+                  for m in Bag([path]).messages([topic])]
+        write_mcap(path, [(f'{topic}/camera_info', INFO, EPOCH, b''), *frames])
+    assert numbers(recordings(paths, named)) == expected
 
 
 def numbers(groups):

@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
 
     check_options(args)
     bounds = WrongBounds(args.wrong_xy, args.wrong_yaw)
-    groups = recordings(args.bag)
+    groups = recordings(args.bag, args.image_topic)
     outs = [args.out] if len(groups) == 1 else [args.out / name for name in _names(groups)]
     for out in outs:
         check_output(out, args.force)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gip_localizer.io.bags.bag import Bag
-from gip_localizer.io.bags.topics import IMAGES
+from gip_localizer.io.bags.topics import CAMERA_INFO, IMAGES
 
 MOST_APART_NS = 1_000_000_000
 """Longest time between the end of one part of a recording and the beginning of the next, ns: the
@@ -26,29 +26,33 @@ recorder opens the next file at once, and a camera delivers several images in it
 class _Recording:
     path: Path
     images: frozenset[str]
+    calibrated: bool
     start_ns: int
     end_ns: int
 
     @classmethod
-    def of(cls, path: Path) -> _Recording:
+    def of(cls, path: Path, image_topic: str | None) -> _Recording:
         bag = Bag([path])
-        images = frozenset(topic.name for topic in bag.topics
-                           if topic.msgtype in IMAGES and topic.messages)
-        return cls(path, images, bag.start_ns, bag.end_ns)
+        names = {topic.name for topic in bag.topics if topic.msgtype in IMAGES and topic.messages}
+        if image_topic is not None:
+            names = {name for name in names if name.lstrip('/') == image_topic.lstrip('/')}
+        calibrated = any(topic.msgtype in CAMERA_INFO for topic in bag.topics)
+        return cls(path, frozenset(names), calibrated, bag.start_ns, bag.end_ns)
 
     def follows(self, other: _Recording) -> bool:
-        """Whether this part continues the other, or contains another camera at its time."""
+        """Whether this part continues the other, or completes it with other topics."""
         if self.images == other.images:
             apart = abs(self.start_ns - other.end_ns)
             return self.start_ns > other.start_ns and apart <= MOST_APART_NS
-        return not self.images & other.images and self.overlaps(other)
+        complete = self.calibrated and other.calibrated
+        return not complete and not self.images & other.images and self.overlaps(other)
 
     def overlaps(self, other: _Recording) -> bool:
         """Whether the times of both recordings overlap."""
         return self.start_ns <= other.end_ns and other.start_ns <= self.end_ns
 
 
-def recordings(paths: Sequence[Path]) -> list[list[Path]]:
+def recordings(paths: Sequence[Path], image_topic: str | None = None) -> list[list[Path]]:
     """
     Group bags into recordings.
 
@@ -56,14 +60,16 @@ def recordings(paths: Sequence[Path]) -> list[list[Path]]:
     ----------
     paths : sequence of Path
         Folders or files, in any order.
+    image_topic : str or None
+        The topic of the images, where the user named one: others do not count.
 
     Returns
     -------
     list of list of Path
         Bags of each recording in order of time. A bag that continues another within a second, with
-        the same image topics, or that holds other image topics of the same time, belongs to the
-        other's recording. A bag without images belongs to all recordings of its time, or to every
-        one if it shares the time of none.
+        the same image topics, or that holds other image topics of the same time where not both
+        hold a calibration, belongs to the other's recording. A bag without images belongs to all
+        recordings of its time, or to every one if it shares the time of none.
 
     Raises
     ------
@@ -73,7 +79,8 @@ def recordings(paths: Sequence[Path]) -> list[list[Path]]:
     """
     if len(paths) == 1:
         return [list(paths)]
-    parts = sorted((_Recording.of(path) for path in paths), key=lambda part: part.start_ns)
+    parts = sorted((_Recording.of(path, image_topic) for path in paths),
+                   key=lambda part: part.start_ns)
     groups: list[list[_Recording]] = []
     for part in (part for part in parts if part.images):
         group = next((g for g in groups if any(part.follows(other) for other in g)), None)
