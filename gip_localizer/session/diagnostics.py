@@ -108,6 +108,12 @@ class HealthMonitor:
         """Report a rule for `EVENT_TIME`."""
         self._events[rule] = (self.steady(), detail)
 
+    def set_rule(self, rule: str, detail: str) -> None:
+        """Report a rule from now on; with an empty detail, stop reporting it."""
+        self.lasting.pop(rule, None)
+        if detail:
+            self.lasting[rule] = detail
+
     def frame_started(self, *, search: bool = False) -> None:
         """Record that processing of a frame has begun; messages are processed after it."""
         self._busy = (self.steady(), np.inf)

@@ -19,17 +19,18 @@ from typing import Any
 from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
 from rclpy.duration import Duration
 from rclpy.node import Node
-from std_srvs.srv import SetBool, Trigger
 
 from gip_localizer.core.estimate import Estimate
+from gip_localizer.core.pose import Pose2
 from gip_localizer.parameters import Parameters
 from gip_localizer.ros.endpoints import namesakes
 from gip_localizer.ros.localizer.diagnostics import DiagnosticsPublisher
 from gip_localizer.ros.localizer.map_in_use import MapInUse, MapService
 from gip_localizer.ros.localizer.publishers import Outputs
-from gip_localizer.ros.localizer.search_service import SearchService
+from gip_localizer.ros.localizer.services import Services
 from gip_localizer.ros.localizer.subscriptions import Inputs
-from gip_localizer.ros.localizer.transforms import follow, MapToOdom
+from gip_localizer.ros.localizer.transform_output import TransformOutput
+from gip_localizer.ros.localizer.transforms import follow
 from gip_localizer.ros.localizer.worker import Worker
 from gip_localizer.ros.parameters import warn_of_unknown_qos
 from gip_localizer.session.diagnostics import HealthMonitor
@@ -41,8 +42,6 @@ LOOK = 0.2
 """Period (s) of the check for missing inputs; chosen: a fifth of the reporting period."""
 LOOKS_PER_REPORT = 5
 """Number of these checks per report: one report per second."""
-REPEAT_PERIOD = 0.1
-"""Period (s) of the repeated transform from map to odom; chosen: 10 Hz."""
 MOUNT_LOG = 60.0
 """Least time (s) between two log lines about a new camera pose from TF; chosen."""
 
@@ -87,13 +86,11 @@ class Localization:
         self._outputs = Outputs(node, frames.map, frames.base, self._map.raster_map)
         self._diagnostics = DiagnosticsPublisher(node, self._health)
         self._worker: Worker[Estimate] = Worker(node)
-        self._tf = None
+        self._tf: TransformOutput | None = None
         if self._parameters.tf.publish:
-            self._tf = MapToOdom(node, frames.map, frames.odom, partial(
-                self._health.add_event, 'TF_CONTESTED'
-            ))  # fmt: skip
-            steady = Clock(clock_type=ClockType.STEADY_TIME)
-            node.create_timer(REPEAT_PERIOD, self._repeat_transform, clock=steady)
+            self._tf = TransformOutput(
+                node, frames, self._parameters.tf, self._health, self._odometry_at
+            )
         if self._parameters.camera.from_tf:
             mount = self._dispatch.follow_transforms(self._report_camera)
             follow(node, lambda message: self._worker.when_free(
@@ -101,13 +98,13 @@ class Localization:
             ))  # fmt: skip
         self._inputs = Inputs(node, self._parameters, self._take, self._take_overdue)
         self._health.publisher_hint = self._inputs.publisher_hint
-        self._set_rule('RECTIFIED_DIFFERS', rectified_warning(
+        self._health.set_rule('RECTIFIED_DIFFERS', rectified_warning(
             self._inputs.image_topic, rectified=self._parameters.camera.rectified
         ))
-        node.create_service(Trigger, '~/relocalize', self._on_relocalize)
-        self._searches = SearchService(node, self._search_refusal, self._request_search)
+        self._services = Services(
+            node, self._health, self._diagnostics.publish, self._request_search
+        )
         MapService(node, frames.map, lambda: self._map.raster_map)
-        node.create_service(SetBool, '~/enable', self._on_enable)
         warn_of_unknown_qos(node)
         self._looks = 0
         node.create_timer(LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -141,6 +138,8 @@ class Localization:
             self._worker.when_free(partial(self._change_map, parameters))
         self._parameters = parameters
         self._health.limits = parameters.diagnostics
+        if self._tf is not None:
+            self._tf.settings = parameters.tf
         self._worker.when_free(partial(self._dispatch.configure, parameters))
 
     def _change_map(self, parameters: Parameters) -> None:
@@ -200,7 +199,7 @@ class Localization:
         if self._health.accepts_frames:
             self._publish(estimate, elapsed_ms)
         self._health.frame_finished(estimate, elapsed_ms)
-        self._searches.take(estimate)
+        self._services.take(estimate)
         state = self._dispatch.frontend.localizer.state
         if seconds := state.stamps.went_back:
             self._health.on_time_jump(seconds)
@@ -211,29 +210,16 @@ class Localization:
 
     def _publish(self, estimate: Estimate, elapsed_ms: float) -> None:
         self._outputs.publish(estimate, elapsed_ms, self._dispatch.attitude)
-        self._publish_transform(estimate)
+        if self._tf is not None:
+            self._tf.publish(estimate)
         self._outputs.publish_pictures(
             estimate, self._parameters.frames.base, self._dispatch.frontend
         )
         self._dispatch.end(estimate)
 
-    def _publish_transform(self, estimate: Estimate) -> None:
-        if self._tf is None or estimate.pose is None:
-            return
+    def _odometry_at(self, stamp_ns: int) -> Pose2 | None:
         pose_filter = self._dispatch.frontend.localizer.state.pose_filter
-        odometry = pose_filter.odometry.pose_at(estimate.stamp_ns)
-        self._set_rule('NO_TF', '' if odometry else 'no odometry at the stamp of the image')
-        if odometry is not None:
-            self._tf.publish(estimate.stamp_ns, self._now_ns(), self._parameters.tf.tolerance,
-                             estimate.pose, odometry)
-
-    def _repeat_transform(self) -> None:
-        """Repeat the last transform while it is valid, for slow cameras and withheld frames."""
-        settings, state = self._parameters.tf, self._health
-        if not (self._tf and settings.hold and state.published) or 'NO_TF' in state.lasting:
-            return
-        if not self._tf.repeat(self._now_ns(), settings.tolerance, settings.hold):
-            self._set_rule('NO_TF', f'no pose for tf.hold, {settings.hold:g} s')
+        return pose_filter.odometry.pose_at(stamp_ns)
 
     def _report_camera(self, place: str) -> None:
         self._node.get_logger().info(f'camera from TF: {place}', throttle_duration_sec=MOUNT_LOG)
@@ -248,45 +234,21 @@ class Localization:
     def _update_inputs(self) -> None:
         frontend, mount = self._dispatch.frontend, self._dispatch.mount
         self._health.update_inputs(frontend.complaints, frontend.counts)
-        self._set_rule('NO_CAMERA_TF', '' if mount is None else mount.fault)
-
-    def _set_rule(self, rule: str, detail: str) -> None:
-        """Report a rule from now on; with an empty detail, stop reporting it."""
-        self._health.lasting.pop(rule, None)
-        if detail:
-            self._health.lasting[rule] = detail
+        self._health.set_rule('NO_CAMERA_TF', '' if mount is None else mount.fault)
 
     def _look(self) -> None:
         """Check for missing inputs; publish all reports once a second."""
         self._health.simulated = bool(self._node.get_clock().ros_time_is_active)
         self._health.on_clock(self._now_ns())
         self._update_inputs()
-        self._searches.look()
+        self._services.look()
         if self._looks % LOOKS_PER_REPORT == 0:
-            self._set_rule('DUPLICATE_NAME', namesakes(self._node))
+            self._health.set_rule('DUPLICATE_NAME', namesakes(self._node))
         self._looks += 1
         if self._looks % LOOKS_PER_REPORT == 1:
             self._diagnostics.publish()
         else:
             self._diagnostics.publish_changes()
-
-    def _on_relocalize(
-        self, _request: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
-        response.message = self._search_refusal()
-        response.success = not response.message
-        if response.success:
-            self._worker.when_free(self._dispatch.relocalize)
-            response.message = 'the next frame is searched for in the whole map'
-        return response
-
-    def _search_refusal(self) -> str:
-        """Return why no search is possible now; empty if it is."""
-        if self._health.accepts_frames:
-            return ''
-        return 'images are ignored: ' + (
-            'call ~/enable with data: true' if self._health.active else 'activate the node'
-        )
 
     def _request_search(self, then: Callable[[], None]) -> None:
         def search() -> None:
@@ -294,15 +256,6 @@ class Localization:
             then()
 
         self._worker.when_free(search)
-
-    def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._health.enabled = bool(request.data)
-        self._diagnostics.publish()
-        response.success = True
-        response.message = 'enabled' if request.data else 'disabled'
-        if not self._health.active:
-            response.message += '; the node is not active, and images are ignored until it is'
-        return response
 
     def _now_ns(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)
