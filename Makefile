@@ -23,8 +23,8 @@ help: ## list the targets
 setup: $(READY) ## set up the environment only
 
 $(READY): setup.py $(wildcard gip_localizer/core/kernels/*)
-	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' || { \
-	  echo 'gip_localizer needs CPython 3.10 to 3.13 (ROS wheels exist for these);' \
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 14))' || { \
+	  echo 'gip_localizer needs CPython 3.10 to 3.14 (ROS wheels exist for these);' \
 	    '$(PYTHON) is' "$$($(PYTHON) --version 2>&1). Name another: make PYTHON=python3.12 ..."; exit 1; }
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { \
 	  echo '$(PYTHON) has no venv module. On Debian and Ubuntu: apt install python3-venv'; exit 1; }

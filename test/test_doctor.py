@@ -47,7 +47,7 @@ def test_this_machine_passes_with_a_loop_over_dds():
     for _ in range(TRIES):
         began = time.monotonic()
         done = doctor()
-        # 9 s on two busy cores; the loop itself ends after 11 s.
+        # 9 s on two busy cores; the loop itself ends after 12 s.
         assert time.monotonic() - began < 30.0
         if 'the machine is too busy' not in done.stdout:
             break
@@ -55,7 +55,7 @@ def test_this_machine_passes_with_a_loop_over_dds():
     assert list(outcomes(done)) == [
         'python', 'libraries', 'packages', 'kernels', 'ROS', 'middleware', 'shared memory', 'loop',
     ]
-    assert re.search(r'5 poses in .* largest error [0-9.]+ mm', done.stdout)
+    assert re.search(r'[345] poses in .* largest error [0-9.]+ mm', done.stdout)
     assert done.stdout.endswith('all 8 checks passed\n')
 
 

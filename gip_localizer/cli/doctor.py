@@ -17,8 +17,8 @@ from gip_localizer.parameters.yaml_files import user_path
 if TYPE_CHECKING:
     from gip_localizer.ros.doctor.check import Check
 
-LOOP_SECONDS = 11.0
-"""Longest time of the loop, seconds; the other checks and the end take 2 to 4 s."""
+LOOP_SECONDS = 12.0
+"""Longest time of the loop, seconds; the other checks and the end take 2 to 3 s."""
 EXAMPLES = """examples:
   gip doctor                           this machine, with a short loop of camera, node and judge
   gip doctor --no-loop                 this machine, without the loop (2 s)

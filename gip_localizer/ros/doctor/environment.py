@@ -23,7 +23,7 @@ from gip_localizer.errors import shortened
 from gip_localizer.ros.doctor.check import Check
 from gip_localizer.ros.middleware import profile_path, PROFILES
 
-PYTHONS = ((3, 10), (3, 13))
+PYTHONS = ((3, 10), (3, 14))
 """Least and newest version of CPython for which ROS wheels exist."""
 LIBRARIES = {'numpy': ('NumPy', (1, 26)), 'cv2': ('OpenCV', (4, 6)), 'scipy': ('SciPy', (1, 0))}
 """Module → name and least version, as in setup.py."""

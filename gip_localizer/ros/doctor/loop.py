@@ -29,7 +29,7 @@ RATE = 5.0
 """Images per second; chosen."""
 SPEED = 0.2
 """Speed, m/s: the initial pose is still right when the last process has joined; chosen."""
-LEAST_POSES = 5
+LEAST_POSES = 3
 """Poses after which the loop ends; chosen."""
 MOST_ERROR = 0.03
 """Largest error of a pose, metres, as for `gip demo`."""
