@@ -20,7 +20,7 @@ from gip_localizer.ros.doctor.environment import LIBRARIES, PACKAGES, PYTHONS, s
 pytestmark = pytest.mark.ros
 ROOT = Path(__file__).parents[1]
 DOCTOR = (sys.executable, '-m', 'gip_localizer.cli', 'doctor')
-TRIES = 3
+TRIES = 5
 """How often the loop is run where the doctor finds the machine too busy."""
 OWN = 'unshare --mount sh -c'
 
@@ -47,11 +47,12 @@ def test_this_machine_passes_with_a_loop_over_dds():
     for _ in range(TRIES):
         began = time.monotonic()
         done = doctor()
-        # 9 s on two busy cores; the loop itself ends after 12 s.
-        assert time.monotonic() - began < 30.0
+        elapsed = time.monotonic() - began
         if 'the machine is too busy' not in done.stdout:
             break
     assert done.returncode == 0, done.stdout + done.stderr
+    # 9 s on two busy cores; the loop itself ends after 12 s.
+    assert elapsed < 30.0
     assert list(outcomes(done)) == [
         'python', 'libraries', 'packages', 'kernels', 'ROS', 'middleware', 'shared memory', 'loop',
     ]

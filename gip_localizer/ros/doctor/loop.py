@@ -33,6 +33,8 @@ LEAST_POSES = 3
 """Poses after which the loop ends; chosen."""
 MOST_ERROR = 0.03
 """Largest error of a pose, metres, as for `gip demo`."""
+MOST_LOAD = 1.5
+"""Processes per core above which a loop that comes too late is the load's fault; chosen."""
 TICK = 0.1
 """Seconds between two looks at the processes; chosen."""
 
@@ -90,15 +92,23 @@ def _judged(received: ReceivedMessages, seconds: float) -> Check:
 
 def _too_few(received: ReceivedMessages, poses: int, seconds: float) -> Check:
     """Name the part of the loop that is missing."""
+    found = f'{poses} of {len(received.truth)} frames gave a pose in {seconds:.0f} s'
+    if busy := _busy():
+        return Check(NAME, f'{found}; {busy}',
+                     'the machine is too busy: stop other programs, and repeat')
     if not received.truth and not received.diagnostics:
         return Check(NAME, f'nothing was heard over DDS in {seconds:.0f} s', (
             'a firewall or a container keeps processes of this machine apart: allow UDP on the '
             'loopback interface, and see the check of the shared memory'
         ))  # fmt: skip
-    found = f'{poses} of {len(received.truth)} frames gave a pose in {seconds:.0f} s'
     if poses:
-        return Check(NAME, found, 'images are lost (see the check of the shared memory), or the '
-                     'machine is too busy: stop other programs, and repeat')
+        return Check(NAME, found, 'images are lost: see the check of the shared memory')
     said = received.diagnostics[-1][1] if received.diagnostics else 'nothing'
     return Check(NAME, f'{found}; the node says: {said}',
                  'images do not arrive or cannot be used: see the checks above, and gip demo')
+
+
+def _busy() -> str:
+    """Return the load of the machine where it is too large for a loop; else nothing."""
+    load, cores = os.getloadavg()[0], os.cpu_count() or 1
+    return f'{load:.1f} processes compete for {cores} cores' if load > MOST_LOAD * cores else ''
