@@ -28,6 +28,8 @@ class Page(HTMLParser):
         attributes = dict(attrs)
         if tag == 'img':
             self.images[attributes['alt']] = attributes['src']
+        if attributes.get('role') == 'img':
+            self.images[attributes['aria-label']] = ''
         self.links += [v for k, v in attrs if k in ('href', 'src') and not v.startswith('data:')]
         self._open.append(tag)
 
@@ -44,7 +46,7 @@ def page_of(run):
 def test_the_page_needs_nothing_else():
     text, page = page_of(noisy_run())
     assert page.links == []
-    assert not re.search(r'url\((?!data:)|@import|<script|<link', text)
+    assert not re.search(r'url\((?!data:|#)|@import|<script|<link', text)
 
 
 def test_the_page_has_every_section():
@@ -132,3 +134,11 @@ def test_the_table_of_a_long_drive_ends_and_says_so(monkeypatch):
     text, _ = page_of(noisy_run())
     assert text.count('<tr class="TRACKING">') == 10
     assert 'The first 10 of 60' in text
+
+
+def test_circles_of_the_error_chart_lead_to_the_pictures_of_the_frame():
+    run = noisy_run()
+    text, _ = page_of(run)
+    name = f'frame-{run.exhibits[0].stamp_ns}'
+    assert text.count(f'<a xlink:href="#{name}"') == 3  # along, across, yaw
+    assert text.count(f'<h3 id="{name}">') == 1

@@ -43,7 +43,7 @@ EXPLANATIONS = {
     MAP: 'Dark blue: not on the map. The ellipses hold the true position in 95 % of the frames if '
          'the covariances are right.',
     ERRORS: 'In the axes of the vehicle. The band is three reported standard deviations; '
-            'errors should stay inside it.',
+            'errors should stay inside it. Circles lead to the pictures of the frame.',
     CONSISTENCY: 'NEES (normalized estimation error squared): the squared error of x, y and yaw '
                  'divided by the reported covariance. Its mean is 3 if the covariances are right; '
                  'more means that they promise too much, less too little.',
@@ -91,13 +91,14 @@ def template(name: str) -> jinja2.Template:
 
 
 def _figures(run: Run, table: ErrorTable) -> dict[str, str]:
-    """Return caption → figure, in the order of the page; figures without data are left out."""
+    """Return caption → SVG element or data URI, in the order of the page; without empty ones."""
     figures: dict[str, str] = {}
     with mpl.rc_context(READABLE):
         if len(table.stamps_ns) or run.truth is not None:
             figures[MAP] = figure_uri(map_figure(run, table))
         if table.judged.any():
-            figures[ERRORS] = figure_uri(error_figure(table))
+            links = {exhibit.stamp_ns: f'#{anchor(exhibit)}' for exhibit in run.exhibits}
+            figures[ERRORS] = _inline(error_figure(table, links))
         if np.isfinite(table.nees).any():
             figures[CONSISTENCY] = figure_uri(nees_figure(table))
         latencies = latencies_ms(run.estimates)
@@ -106,16 +107,32 @@ def _figures(run: Run, table: ErrorTable) -> dict[str, str]:
     return figures
 
 
+def anchor(exhibit: FrameExhibit) -> str:
+    """Return the name of a frame's pictures within the page."""
+    return f'frame-{exhibit.stamp_ns}'
+
+
 def figure_uri(figure: Figure) -> str:
     """Return a figure as SVG in a data URI, with a margin about all that is drawn."""
+    return _uri('svg+xml', _svg(figure))
+
+
+def _inline(figure: Figure) -> str:
+    """Return a figure as an SVG element, whose links work, unlike those of a data URI."""
+    text = _svg(figure).decode()
+    return text[text.index('<svg'):]
+
+
+def _svg(figure: Figure) -> bytes:
     buffer = BytesIO()
     figure.savefig(buffer, format='svg', metadata={'Date': None}, bbox_inches='tight')
-    return _uri('svg+xml', buffer.getvalue())
+    return buffer.getvalue()
 
 
 def _exhibit(exhibit: FrameExhibit) -> dict[str, Any]:
     pictures = {caption: _picture_uri(picture) for caption, picture in exhibit.images.items()}
-    return {'title': exhibit.title, 'why': exhibit.why, 'pictures': pictures}
+    return {'title': exhibit.title, 'anchor': anchor(exhibit), 'why': exhibit.why,
+            'pictures': pictures}
 
 
 def _picture_uri(picture: NDArray[Any] | Surface) -> str:

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
@@ -28,8 +30,18 @@ def seconds(table: ErrorTable) -> Floats:
     return (stamps - stamps.min()) * 1e-9 if len(stamps) else np.empty(0)
 
 
-def error_figure(table: ErrorTable) -> Figure:
-    """Draw longitudinal, lateral and yaw error over time, with the band of ±3σ."""
+def error_figure(table: ErrorTable, links: Mapping[int, str]) -> Figure:
+    """
+    Draw longitudinal, lateral and yaw error over time, with the band of ±3σ.
+
+    Parameters
+    ----------
+    table : ErrorTable
+        The errors.
+    links : dict
+        Stamp (ns) → address to which a circle about the frame leads.
+
+    """
     figure = Figure(figsize=SIZE)
     panels = figure.subplots(3, 1, sharex=True)
     time, order = _in_time(table)
@@ -43,6 +55,7 @@ def error_figure(table: ErrorTable) -> Figure:
         axes.set_ylabel(label)
         _limit(axes, error, 3 * sigma)
         _mark_withheld(axes, table)
+        _link(axes, table, table.body[:, column] * scale, links)
     panels[0].legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=9)
     panels[-1].set_xlabel('time since the first frame [s]')
     return figure
@@ -105,6 +118,16 @@ def _limit(axes: Axes, *series: Floats) -> None:
     top = max(tops, default=1.0) * 1.2
     if top > 0.0:
         axes.set_ylim(-top, top)
+
+
+def _link(axes: Axes, table: ErrorTable, error: Floats, links: Mapping[int, str]) -> None:
+    """Draw circles that are links; withheld frames have theirs at zero."""
+    rows = [row for row, stamp in enumerate(table.stamps_ns) if int(stamp) in links]
+    circles = axes.scatter(
+        seconds(table)[rows], np.nan_to_num(error[rows]), s=45, facecolors='#ffffff01',
+        edgecolors=WRONG, linewidths=0.9, zorder=5,
+    )
+    circles.set_urls([links[int(table.stamps_ns[row])] for row in rows])
 
 
 def _mark_withheld(axes: Axes, table: ErrorTable) -> None:
