@@ -3,9 +3,10 @@
 """
 Fit of the tails of the protection level, run by `make fit-protection`.
 
-The errors of the development matches, divided by their standard deviations, are bounded per axis
-by a Student t distribution: its degrees of freedom are the most likely ones, its scale the least
-at which the distribution exceeds the measured share of every error in the tail.
+The errors of the development matches, divided by their standard deviations, are bounded by a
+Student t distribution: its degrees of freedom are the most likely ones, its scale the least at
+which the distribution exceeds the measured share of every error in the tail. Errors ahead and to
+the left share one distribution, since what separates them is the direction of the view alone.
 
 """
 
@@ -27,7 +28,7 @@ from gip_localizer.evaluation.suites.model_error import ModelError
 
 FREEDOM = (3.0, 30.0)  # degrees of freedom: heavier tails have no variance to speak of
 TAIL = 0.1  # largest share of the errors that are bounded one by one
-AXES = ('ahead', 'left', 'heading')
+AXES = ('position', 'heading')
 TERMS = Path(protection_terms.__file__)
 
 
@@ -38,13 +39,14 @@ def main() -> int:
         normalized for setup in SETUPS if _yaw_is_exact(setup) for seed in SEEDS
         for normalized in _normalized_errors(setup, seed)
     ])
-    tails = [bounding_tail(errors[:, axis]) for axis in range(3)]
-    for name, column, (freedom, scale) in zip(AXES, errors.T, tails, strict=True):
+    position, heading = errors[:, :2].ravel(), errors[:, 2]
+    tails = [bounding_tail(position), bounding_tail(heading)]
+    for name, column, (freedom, scale) in zip(AXES, (position, heading), tails, strict=True):
         sys.stdout.write(
             f'{name:8s} {len(column)} errors, largest {np.abs(column).max():.1f} standard '
             f'deviations: {freedom:.1f} degrees of freedom, scale {scale:.2f}\n'
         )
-    TERMS.write_text(terms_module(tails), encoding='utf-8')
+    TERMS.write_text(terms_module(*tails), encoding='utf-8')
     return 0
 
 
@@ -84,14 +86,14 @@ def bounding_tail(errors: Floats) -> tuple[float, float]:
     return freedom, round(scale, 2)
 
 
-def terms_module(tails: list[tuple[float, float]]) -> str:
+def terms_module(position: tuple[float, float], heading: tuple[float, float]) -> str:
     """Return the text of the module of the core that holds a fit."""
     return f'''\
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """Tails of the errors: written by `make fit-protection`, not by hand."""
 
-TAILS = {tuple(tails)!r}
+TAILS = ({position!r}, {position!r}, {heading!r})
 """Ahead, left, heading: degrees of freedom and scale of the Student t that bounds the error."""
 '''
 
