@@ -15,8 +15,8 @@ FOLDERS = (
 ROOMS = (
     'arrays', 'threads', 'pose', 'belief', 'kernels', 'cell_means', 'gramian', 'camera',
     'birdseye', 'map', 'match', 'refine', 'calibrated_view', 'estimate', 'search',
-    'confidence', 'confidence_terms', 'integrity', 'protection_terms', 'protection', 'track',
-    'guard', 'localizer',
+    'confidence', 'confidence_terms', 'match_figures', 'integrity', 'protection_terms',
+    'protection', 'track', 'guard', 'judged_search', 'localizer',
 )
 """Of `core`, in the same manner."""
 ROS_PACKAGES = {

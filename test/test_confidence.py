@@ -159,7 +159,7 @@ def search(road):
 
     pose = road.pose(PLACE)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr('gip_localizer.core.localizer.judge', catch)
+        patch.setattr('gip_localizer.core.judged_search.judge', catch)
         localizer = Localizer(road.map, PARAMETERS)
         localizer.set_prior(0, pose, WIDE)
         assert localizer.update(S, road.frame(CAMERA, pose), CAMERA).published

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Array types, full scales, fast medians and products; docstrings name shapes and exact types."""
+"""Array types, full scales, fast medians and matrix products."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ Bools = NDArray[np.bool_]
 Grey = NDArray[Any]
 
 WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0, np.dtype(np.float32): 1.0}
-"""Full scale of grey by type of image."""
-PIECE = 4096  # columns per matrix product; larger ones were slower in OpenBLAS (measured)
+"""Full scale of grey (grey levels) by type of image: the largest integer, or 1."""
+# Number of columns per matrix product (measured: longer products were slower in OpenBLAS).
+PIECE = 4096
 
 
 def median(values: Floats) -> float:
-    """Upper median of an array without NaN, at least one value; NumPy's takes twice as long."""
+    """Return the upper median of at least one value without NaN; NumPy's takes twice as long."""
     middle = values.size // 2
     return float(np.partition(values, middle, axis=None)[middle])
 
@@ -31,7 +32,7 @@ def stacked(rows: Floats, count: int) -> Floats:
 
 
 def product(left: Floats, right: Floats) -> Floats:
-    """Return `left @ rightᵀ` (k, m) float64 of few long rows: by pieces, faster in BLAS."""
+    """Return `left @ rightᵀ` (k, m) float64 of few long rows; BLAS is faster piece by piece."""
     whole = left.shape[1] // PIECE * PIECE
     pieces = stacked(left[:, :whole], whole // PIECE) @ (
         stacked(right[:, :whole], whole // PIECE).transpose(0, 2, 1)

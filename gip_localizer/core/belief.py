@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A Gaussian belief on SE(2), and the check of a prior from outside."""
+"""Gaussian belief on SE(2), and the check of a prior that a user or a node gives."""
 
 from __future__ import annotations
 
@@ -12,8 +12,15 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.core.pose import Pose2, wrap_angle
 from gip_localizer.errors import GipError
 
-SHARPEST, SHARPEST_RATIO = 1e-12, 1e-9  # least variance, m² and rad², and least of two axes
-VAGUEST = 1e12  # m², rad²: beyond this a prior is none
+# Least variance of a prior (m², rad²), which is added to its covariance (design choice: 1e-12, far
+# below any real error, because the covariance must be invertible in double precision).
+MIN_VARIANCE = 1e-12
+# Least ratio of a prior's variances in x and y to the larger one (no unit; design choice: 1e-9,
+# because the condition of the covariance must stay far below 1e16).
+MIN_VARIANCE_RATIO = 1e-9
+# Largest element of a prior's covariance (m², rad²; design choice: 1e12, because such a prior
+# constrains nothing on any map).
+MAX_VARIANCE = 1e12
 
 
 class PriorError(GipError):
@@ -28,16 +35,16 @@ class Belief:
     Attributes
     ----------
     stamp_ns : int
-        Nanoseconds.
+        Stamp, nanoseconds.
     pose : Pose2
-        Base in map.
+        Pose of base in map.
     covariance : (3, 3) float64
-        Of x, y (m), yaw (rad), map axes.
+        Covariance of x, y (m) and yaw (rad), map axes.
     driven, since_fix : float
-        Metres and seconds since the last fix.
+        Distance (m) and time (s) since the last fix.
     shared : (3, 3) float64
         Covariance of the error with the standardized smooth error of the matches, which does not
-        average over time: `shared @ shared.T` is the part of the covariance it explains.
+        average out over time: `shared @ shared.T` is the part of the covariance that it causes.
 
     """
 
@@ -50,18 +57,18 @@ class Belief:
 
     @property
     def own_covariance(self) -> Floats:
-        """Covariance (3, 3) without the part that the next match shares."""
+        """Covariance (3, 3) without the part of errors that the next match shares."""
         return self.covariance - self.shared @ self.shared.T
 
 
 def checked_prior(stamp_ns: int, pose: Pose2, covariance: Floats) -> Belief:
     """
-    Return a belief for a prior from outside.
+    Return a prior as a belief.
 
     Raises
     ------
     PriorError
-        NaN, or a covariance that is not symmetric positive definite or beyond all bounds.
+        NaN, or a covariance that is not positive definite or exceeds `MAX_VARIANCE`.
 
     """
     covariance = np.asarray(covariance, float)
@@ -71,7 +78,7 @@ def checked_prior(stamp_ns: int, pose: Pose2, covariance: Floats) -> Belief:
         )
     if not pose.is_finite() or not np.isfinite(covariance).all():
         raise PriorError('prior holds NaN or infinity; expected finite x, y, yaw and covariance')
-    if np.abs(covariance).max() > VAGUEST:
+    if np.abs(covariance).max() > MAX_VARIANCE:
         raise PriorError(
             f'prior covariance is too large to be of use ({np.abs(covariance).max():.3g}); '
             'call ~/relocalize instead'
@@ -83,6 +90,6 @@ def checked_prior(stamp_ns: int, pose: Pose2, covariance: Floats) -> Belief:
             f'{", ".join(f"{value:g}" for value in np.diag(symmetric))}); '
             'expected variances of x, y and yaw above zero'
         )
-    sharpest = max(SHARPEST, SHARPEST_RATIO * float(np.diag(symmetric)[:2].max()))
-    floor = np.diag([sharpest, sharpest, SHARPEST])
+    least = max(MIN_VARIANCE, MIN_VARIANCE_RATIO * float(np.diag(symmetric)[:2].max()))
+    floor = np.diag([least, least, MIN_VARIANCE])
     return Belief(stamp_ns, Pose2(pose.x, pose.y, wrap_angle(pose.yaw)), symmetric + floor)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What is precomputed once per calibration and set of parameters."""
+"""Data that are precomputed once per calibration and set of parameters."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class CalibratedView:
             sigma_yaw=parameters.camera.sigma_yaw,
         )
 
-    def serves(self, camera: CameraModel, parameters: Parameters) -> bool:
-        """Whether calibration and parameters are still those that this was computed for."""
+    def matches(self, camera: CameraModel, parameters: Parameters) -> bool:
+        """Return whether this was computed for the same calibration and parameters."""
         return self._inputs == _relevant(camera, parameters)
 
 

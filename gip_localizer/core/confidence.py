@@ -11,16 +11,16 @@ from typing import NamedTuple
 
 class Term(NamedTuple):
     """
-    What one figure of a match contributes to the log odds: `weight * ln(figure)`.
+    Contribution of one figure of a match to the log odds: `weight * ln(figure)`.
 
     Attributes
     ----------
     figure : str
-        Name among the figures of a match.
+        Name of the figure.
     weight : float
-        Per natural logarithm of the figure.
+        Weight of the natural logarithm of the figure (no unit).
     low, high : float
-        A figure beyond these counts as if it were at them.
+        Limits to which the figure is clipped.
 
     """
 
@@ -32,16 +32,16 @@ class Term(NamedTuple):
 
 def confidence(figures: Mapping[str, float], offset: float, terms: tuple[Term, ...]) -> float:
     """
-    Return the probability that a match is right, where half of all matches are.
+    Return the probability that a match is right, if half of all matches are right.
 
     Parameters
     ----------
     figures : mapping
-        Of the match, by name.
+        Figures of the match by name.
     offset : float
         Log odds where the logarithms of all figures are zero.
     terms : tuple of Term
-        What is added to it.
+        Contributions of the figures.
 
     """
     odds = offset + sum(

@@ -11,4 +11,4 @@ TERMS = (
     Term(figure='significance', weight=1.55, low=0.01, high=25.7),
     Term(figure='sigma_cells', weight=-1.0, low=0.0114, high=3.72),
 )
-"""The figures of a match that tell, and what each contributes."""
+"""Figures of a match that predict whether it is right, and the weight of each (no unit)."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The outcome of one frame."""
+"""Result of one frame."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gip_localizer.core.refine.fit import Fit
 
 
 class Status(str, Enum):
-    """Outcome of a frame; only TRACKING publishes a pose."""
+    """Status of a frame; only TRACKING publishes a pose."""
 
     TRACKING = 'TRACKING'
     NO_CALIBRATION = 'NO_CALIBRATION'
@@ -40,25 +40,25 @@ class Status(str, Enum):
     FAULT = 'FAULT'
 
     def __str__(self) -> str:
-        """Return the word itself."""
+        """Return the name."""
         return self.value
 
 
 @dataclass(frozen=True, eq=False)
 class Match:
     """
-    How the frame was matched: material for pictures and diagnostics.
+    View, scores and fit of the frame, for images and diagnostics.
 
     Attributes
     ----------
     view : View
         Bird's-eye view.
     weight : (rows, cols) float32
-        The Gramian's diagonal.
+        Weight per cell: the diagonal of the Gramian.
     scores : Scores or None
-        Score surface, where one was computed.
+        Score surface; None if none was computed.
     fit : Fit or None
-        The refined winner: the raw single-frame measurement.
+        The refined match: the measurement of this frame alone.
 
     """
 
@@ -81,26 +81,26 @@ class Match:
 @dataclass(frozen=True, eq=False)
 class Estimate:
     """
-    Outcome of one frame.
+    Result of one frame.
 
     Attributes
     ----------
     stamp_ns : int
         Stamp of the image, nanoseconds.
     status : Status
-        TRACKING with a pose, any other without.
+        TRACKING with a pose; any other status without one.
     reason : str
-        Why, in one sentence with numbers.
+        Reason of the status, in one sentence with numbers.
     pose : Pose2 or None
-        Base in map; None where the frame gives none.
+        Pose of base in map; None if none is published.
     covariance : (3, 3) float64 or None
-        Of x, y (m) and yaw (rad), map axes.
+        Covariance of x, y (m) and yaw (rad), map axes.
     quality : dict
-        Figures that the decision is made from, by name.
+        Figures of the match by name, from which the status is decided.
     timings_ms : dict
-        Milliseconds per stage.
+        Time per stage, milliseconds.
     match : Match or None
-        How the frame was matched.
+        View, scores and fit; None if the frame was not matched.
 
     """
 
@@ -115,5 +115,5 @@ class Estimate:
 
     @property
     def published(self) -> bool:
-        """Whether the frame gives a pose."""
+        """Whether a pose is published."""
         return self.pose is not None

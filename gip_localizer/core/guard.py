@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""An unexpected exception costs one frame, not the frames after it."""
+"""Guard against unexpected exceptions: they cost one frame, not the frames after it."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ def run_guarded(
     work: Callable[[], Estimate], stamp_ns: int, log: Callable[[str], object]
 ) -> Estimate:
     """
-    Localize a frame; an unexpected exception becomes an estimate with status FAULT.
+    Localize a frame; return an estimate with status FAULT after an unexpected exception.
 
     Parameters
     ----------
     work : callable
         Localizes the frame.
     stamp_ns : int
-        Of the frame, nanoseconds.
+        Stamp of the frame, nanoseconds.
     log : callable
-        Takes the traceback.
+        Receives the traceback.
 
     Returns
     -------
     Estimate
-        Of the frame; FAULT, without a pose, where the work raised.
+        Result of the frame; FAULT without a pose if the work raised an exception.
 
     Raises
     ------
     WorkEndedError
-        The process ends.
+        The process is ending.
 
     """
     found: list[Estimate] = []
@@ -45,7 +45,7 @@ def run_guarded(
 
 
 def fault_of(work: Callable[[], object], log: Callable[[str], object]) -> str:
-    """Do some work; return what it raised, empty for nothing (`log`, WorkEndedError: as above)."""
+    """Call `work`; return the text of its exception, or  (`log`, errors: `run_guarded`)."""
     try:
         work()
     except WorkEndedError:

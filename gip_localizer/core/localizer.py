@@ -9,10 +9,10 @@ The localizer: one frame in, one estimate out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 import time
 
 from gip_localizer.core.arrays import Floats, Grey
@@ -22,14 +22,14 @@ from gip_localizer.core.calibrated_view import CalibratedView
 from gip_localizer.core.camera.image_check import image_fault
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.estimate import Estimate, Match, Status
-from gip_localizer.core.integrity import judge, Verdict
+from gip_localizer.core.integrity import Verdict
+from gip_localizer.core.judged_search import JudgedSearch
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.map.resampling import contrast
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.protection import PROTECTION, protection_level
+from gip_localizer.core.protection import protection_figures
 from gip_localizer.core.refine.observation import FrameErrors
 from gip_localizer.core.search.frame_search import FrameSearch
-from gip_localizer.core.search.local_search import SearchResult
 from gip_localizer.core.search.map_crops import MapCrops
 from gip_localizer.core.track.odometry import OdometrySample
 from gip_localizer.core.track.track_state import TrackState
@@ -51,7 +51,7 @@ class Localizer:
     Attributes
     ----------
     state : TrackState
-        What is kept of the drive from frame to frame.
+        State of the drive that is kept from frame to frame.
 
     """
 
@@ -64,23 +64,23 @@ class Localizer:
         self._timings: dict[str, float] = {}
 
     def configure(self, parameters: Parameters) -> None:
-        """Take new parameters from the next frame on; the belief stays."""
+        """Use new parameters from the next frame on; the belief stays."""
         self.parameters = parameters
         self.state.configure(parameters)
 
     def set_prior(self, stamp_ns: int, pose: Pose2, covariance: Floats) -> None:
         """
-        Start from a pose given from outside.
+        Start again from an initial pose.
 
         Parameters
         ----------
         stamp_ns : int
-            When it held, nanoseconds; 0: now, which is also taken where it is long before the
-            last frame: its clock is not the images'.
+            Stamp of the pose, nanoseconds; 0: now. A stamp long before the last frame is of
+            another clock and also means now.
         pose : Pose2
-            Base in map.
+            Pose of base in map.
         covariance : (3, 3) float64
-            Of x, y (m), yaw (rad), map axes.
+            Covariance of x, y (m) and yaw (rad), map axes.
 
         Raises
         ------
@@ -95,7 +95,7 @@ class Localizer:
         self._prepare(0, camera)
 
     def add_odometry(self, sample: OdometrySample) -> bool:
-        """Take an odometry sample; False where it is refused."""
+        """Add an odometry sample; return False if it is refused."""
         return self.state.pose_filter.odometry.add(sample)
 
     def relocalize(self) -> None:
@@ -103,7 +103,7 @@ class Localizer:
         self.state.request_search()
 
     def searches(self, stamp_ns: int) -> bool:
-        """Whether `update` would search the whole map for a frame, which takes seconds."""
+        """Return whether `update` would search the whole map for a frame, which takes seconds."""
         return self.state.search_due(stamp_ns)
 
     def update(
@@ -121,7 +121,7 @@ class Localizer:
         camera : CameraModel
             Calibrated camera.
         mask : (height, width) uint8, bool or None
-            Pixels below half of full scale are not looked at (the bonnet, other cars).
+            Pixels below half of full scale are ignored (the bonnet, other cars).
 
         Returns
         -------
@@ -131,15 +131,15 @@ class Localizer:
         """
         self._timings = {}
         if fault := image_fault(image, mask, camera):
-            return self._silent(stamp_ns, Status.BAD_IMAGE, fault)
+            return self._without_pose(stamp_ns, Status.BAD_IMAGE, fault)
         if fault := self.state.take_stamp(stamp_ns):
-            return self._silent(stamp_ns, Status.OUT_OF_ORDER, fault)
+            return self._without_pose(stamp_ns, Status.OUT_OF_ORDER, fault)
         prepared = self._prepare(stamp_ns, camera)
         if isinstance(prepared, Estimate):
             return prepared
         prior = self.state.predict(stamp_ns)
         if prior is None and not self.state.search_due(stamp_ns):
-            return self._waiting(stamp_ns)
+            return self._before_search(stamp_ns)
 
         with self._stage('birdseye'):  # 1 mean per cell
             view = prepared.rectifier.rectify(image)
@@ -159,89 +159,50 @@ class Localizer:
                 match=match, crops=self._crops, refiner=prepared.refiner,
                 parameters=self.parameters, errors=FrameErrors(noise.map, self.state.error_level),
             )
-            found, verdict = self._search(stamp_ns, search, prior)
+            found, verdict = JudgedSearch(search, self.state, self.parameters).best(
+                stamp_ns, prior
+            )
 
-        with self._stage('posterior'):  # 4 belief, or silence
+        with self._stage('posterior'):  # 4 belief, or a reason why there is no pose
             match = replace(match, scores=found.scores if found else None, fit=verdict.fit)
-            return self._conclude(stamp_ns, match, verdict, prior)
+            return self._update_track(stamp_ns, match, verdict, prior)
 
     def _prepare(self, stamp_ns: int, camera: CameraModel) -> CalibratedView | Estimate:
         """Return what is precomputed for a camera, or why its frame cannot be used."""
         try:
             with self._stage('calibrate'):
                 prepared = self._prepared
-                if prepared is None or not prepared.serves(camera, self.parameters):
+                if prepared is None or not prepared.matches(camera, self.parameters):
                     prepared = self._prepared = CalibratedView(camera, self.parameters)
                     self.state.forget_calibration()
         except CalibrationError as error:
             self._prepared = None
-            return self._silent(stamp_ns, Status.NO_ROAD_IN_VIEW, str(error))
+            return self._without_pose(stamp_ns, Status.NO_ROAD_IN_VIEW, str(error))
         return prepared
-
-    def _search(
-        self, stamp_ns: int, search: FrameSearch, prior: Belief | None
-    ) -> tuple[SearchResult | None, Verdict]:
-        """Search about the prior, or everywhere, and judge; no earlier fix supports a first."""
-        supporting = prior if self.state.confirmed else None
-        judged = partial(judge, search.match, parameters=self.parameters, prior=supporting)
-        if search.match.contrast < self.parameters.integrity.min_contrast:
-            return None, judged(None)
-        if supporting is not None:
-            near = search.near(supporting)
-            verdict = judged(near)
-            if verdict.status is Status.TRACKING and verdict.expected:
-                return near, verdict
-        found, verdict = self._first_match(stamp_ns, search, prior, judged)
-        if found is None or prior is None or verdict.status is not Status.TRACKING:
-            return found, verdict
-        reach = self.state.pose_filter.reach(prior)
-        found = search.with_equal_places(found, prior, reach)
-        return found, judged(found)
-
-    def _first_match(
-        self, stamp_ns: int, search: FrameSearch, prior: Belief | None,
-        judged: Callable[[SearchResult | None], Verdict],
-    ) -> tuple[SearchResult | None, Verdict]:
-        """Search everywhere, or where the belief and then where unproven odometry leads to."""
-        if prior is None or self.state.search_due(stamp_ns):
-            self.state.searched(stamp_ns)
-            found = search.everywhere(stamp_ns)
-            return found, judged(found)
-        found = search.about(prior, fresh=self.state.from_initialpose)
-        verdict = judged(found)
-        unproven = self.state.pose_filter.predict_unproven(stamp_ns)
-        if verdict.status is not Status.TRACKING and unproven is not None:
-            found = search.about(unproven, fresh=True)
-            verdict = judged(found)
-        return found, verdict
 
     @cached_property
     def _map_contrast(self) -> float:
         return contrast(self.raster_map.grey, self.raster_map.valid)
 
-    def _waiting(self, stamp_ns: int) -> Estimate:
+    def _before_search(self, stamp_ns: int) -> Estimate:
         if self.state.search_requested:
-            return self._silent(stamp_ns, Status.LOST, (
+            return self._without_pose(stamp_ns, Status.LOST, (
                 'not found on the map; the next search is due recovery.period '
-                f'{self.parameters.recovery.period:g} s after the last'
+                f'{self.parameters.recovery.period:g} s after the last one'
             ))
-        return self._silent(stamp_ns, Status.NO_PRIOR, (
+        return self._without_pose(stamp_ns, Status.NO_PRIOR, (
             'no prior yet: publish initialpose, set initial_pose.*, or call ~/relocalize'
         ))
 
-    def _conclude(
+    def _update_track(
         self, stamp_ns: int, match: Match, verdict: Verdict, prior: Belief | None
     ) -> Estimate:
         fit = verdict.fit
         if verdict.status is not Status.TRACKING or fit is None:
             self.state.miss(prior)
-            return self._estimate(stamp_ns, self._missed(verdict), match)
-        measured = Belief(
-            stamp_ns, fit.pose, fit.covariance_in_map, shared=fit.shared_in_map
-        )
-        belief = self.state.accept(
-            prior, measured, gain=fit.gain, error_level=fit.shared.level
-        )
+            return self._estimate(stamp_ns, self._lost_or(verdict), match)
+        measured = Belief(stamp_ns, fit.pose, fit.covariance_in_map, shared=fit.shared_in_map)
+        belief = self.state.accept(prior, measured, gain=fit.gain, error_level=fit.shared.level)
         if self.state.unconfirmed > 0:
             verdict = replace(verdict, status=Status.CONFIRMING, reason=(
                 f'found on the map; {self.state.unconfirmed} more agreeing frames are needed'
@@ -249,15 +210,15 @@ class Localizer:
             return self._estimate(stamp_ns, verdict, match)
         return self._estimate(stamp_ns, verdict, match, belief)
 
-    def _missed(self, verdict: Verdict) -> Verdict:
-        """Return LOST instead of the verdict on a frame after too many without a fix."""
+    def _lost_or(self, verdict: Verdict) -> Verdict:
+        """Return the verdict of a frame without a fix, or LOST after too many of them."""
         if not self.state.lost:
             return verdict
         return replace(verdict, status=Status.LOST, reason=(
             f'{self.state.misses} frames without a fix; last: {verdict.status}, {verdict.reason}'
         ))
 
-    def _silent(self, stamp_ns: int, status: Status, reason: str) -> Estimate:
+    def _without_pose(self, stamp_ns: int, status: Status, reason: str) -> Estimate:
         return Estimate(stamp_ns, status, reason, timings_ms=dict(self._timings))
 
     def _estimate(
@@ -272,21 +233,12 @@ class Localizer:
         )
 
     def _protection(self, belief: Belief | None) -> dict[str, float]:
-        """Protection level of a pose by name, and whether it meets the alert limits (1 or 0)."""
         if belief is None or self._prepared is None:
             return {}
-        limits = self.parameters.integrity
-        levels = protection_level(
-            belief.covariance, belief.pose, self._prepared.refiner.mount, limits.risk
+        mount = self._prepared.refiner.mount
+        return protection_figures(
+            belief.covariance, belief.pose, mount, self.parameters.integrity
         )
-        alerts = (limits.alert_ahead, limits.alert_left, limits.alert_yaw)
-        valid = all(
-            level <= alert or alert == 0.0 for level, alert in zip(levels, alerts, strict=True)
-        )
-        return {
-            **{name: float(level) for name, level in zip(PROTECTION, levels, strict=True)},
-            'protection_valid': float(valid),
-        }
 
     @contextmanager
     def _stage(self, name: str) -> Iterator[None]:

@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Protection level: how far a published pose may be off at a chosen risk.
+Protection level: bound of the error of a published pose at a given risk.
 
-Errors of matches have heavier tails than a normal distribution. Their quotients by the standard
-deviation are bounded by a Student t distribution per axis (`protection_terms`, written by `make
-fit-protection`), as GNSS receivers bound theirs by a wider normal one (overbounding, DeCleene
-2000). The calibrated yaw of the camera is bounded by a normal distribution, as it is given. The
-level bounds the error of a match at the right place; how rarely a place is wrong is a matter of
-`integrity.min_confidence`.
+Errors of matches have heavier tails than a normal distribution. Therefore the error of each axis,
+divided by its standard deviation, is bounded by a Student t distribution (`protection_terms`,
+written by `make fit-protection`), as GNSS receivers bound their errors by a wider normal
+distribution (overbounding, DeCleene 2000). The error of the calibrated yaw of the camera is
+bounded by a normal distribution. The level bounds the error of a match at the right place;
+`integrity.min_confidence` limits how often the place is wrong.
 
 """
 
@@ -22,6 +22,7 @@ from scipy.stats import norm, t
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.protection_terms import TAILS
+from gip_localizer.parameters import Integrity
 
 PROTECTION = ('protection_ahead_m', 'protection_left_m', 'protection_yaw_rad')
 """Names of the level's components among the figures of an estimate."""
@@ -34,11 +35,11 @@ def protection_level(covariance: Floats, pose: Pose2, mount: Floats, risk: float
     Parameters
     ----------
     covariance : (3, 3) float64
-        Of the published x, y (m) and yaw (rad), map axes.
+        Covariance of the published x, y (m) and yaw (rad), map axes.
     pose : Pose2
         The published pose.
     mount : (3, 3) float64
-        Part of it from the calibrated yaw of the camera, vehicle axes.
+        Part of the covariance from the calibrated yaw of the camera, vehicle axes.
     risk : float
         Probability with which any of the three errors may exceed its level.
 
@@ -51,9 +52,34 @@ def protection_level(covariance: Floats, pose: Pose2, mount: Floats, risk: float
     return np.asarray(factors * np.sqrt(variance - of_mount) + normal * np.sqrt(of_mount))
 
 
+def protection_figures(
+    covariance: Floats, pose: Pose2, mount: Floats, limits: Integrity
+) -> dict[str, float]:
+    """
+    Return the protection level by name, and whether it meets the alert limits (1 or 0).
+
+    Parameters
+    ----------
+    covariance, pose, mount
+        As for `protection_level`.
+    limits : Integrity
+        Risk, and the alert limits; a limit of 0 is always met.
+
+    """
+    levels = protection_level(covariance, pose, mount, limits.risk)
+    alerts = (limits.alert_ahead, limits.alert_left, limits.alert_yaw)
+    valid = all(
+        level <= alert or alert == 0.0 for level, alert in zip(levels, alerts, strict=True)
+    )
+    return {
+        **{name: float(level) for name, level in zip(PROTECTION, levels, strict=True)},
+        'protection_valid': float(valid),
+    }
+
+
 @lru_cache(maxsize=8)
 def _factors(risk: float) -> tuple[Floats, float]:
-    """Standard deviations per axis (3,) at a risk, and those of a normal distribution."""
+    """Return the factors on sigma at a risk: per axis (3,), and of a normal distribution."""
     tail = risk / 6.0  # three axes, two sides each
     factors = [scale * float(t.isf(tail, freedom)) for freedom, scale in TAILS]
     return np.array(factors), float(norm.isf(tail))

@@ -1,15 +1,16 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Threads of BLAS, FFT, OpenCV and of this package, set in one place.
+Number of threads of BLAS, FFT, OpenCV and this package, set in one place.
 
 - Yaws, and bands of images of 16 bit or float, are divided over at most `WORKERS` threads of
   this package; NumPy, SciPy, OpenCV and the compiled loops release Python's lock inside.
-- BLAS and OpenCV run on one thread: the matrices and warps are small, and their threads would
-  mostly wait, on cores that a camera driver needs (measured: with BLAS threads a frame takes
-  2.5 times the processor time). NumPy and OpenCV read the setting when they are loaded, so `ros`
-  and `cli` make it before.
-- The FFTs get no threads of their own: there are always more yaws than cores.
+- BLAS and OpenCV run on one thread: the matrices and warps are small, so their threads would
+mostly
+  wait, on cores that a camera driver needs (measured: with BLAS threads a frame takes 2.5 times
+  the processor time). NumPy and OpenCV read the setting when they are loaded, so `ros` and `cli`
+  set it before.
+- The FFTs have no threads of their own: there are always more yaws than cores.
 - A process that shares the cores with others of its kind uses one thread (`use_one_thread`).
 
 """
@@ -34,12 +35,12 @@ def _cores() -> int:
 
 
 WORKERS = max(1, min(2, _cores()))
-"""Most threads for one frame. Two: the machine that was measured has two cores (BENCHMARK.md)."""
+"""Number of threads for one frame: at most 2 (measured on two cores; BENCHMARK.md)."""
 _ending = threading.Event()
 
 
 def use_one_library_thread() -> None:
-    """Set BLAS and OpenCV to one thread unless the user chose; call before they are loaded."""
+    """Set BLAS and OpenCV to one thread unless the user set it; call before they are loaded."""
     for name in ('OPENBLAS_NUM_THREADS', 'OPENCV_FOR_THREADS_NUM'):
         os.environ.setdefault(name, '1')
 
@@ -51,7 +52,7 @@ def use_one_thread() -> None:
 
 
 class WorkEndedError(Exception):
-    """Raised out of work because the process ends."""
+    """The process is ending, so the work was stopped."""
 
 
 def end_work() -> None:
@@ -69,10 +70,10 @@ def in_parallel(
     work: Callable[[Part], None], parts: Iterable[Part], *, worth_it: bool = True
 ) -> None:
     """
-    Do the work on every part, in this thread and in the pool; a free thread takes the next part.
+    Do the work on all parts, in this thread and in the pool; a free thread takes the next part.
 
-    Parts of less than a millisecond lose more time waiting for Python's lock than they gain: with
-    `worth_it` False this thread does all of them. Raises WorkEndedError after `end_work`.
+    Threads make parts of less than a millisecond slower, because they wait for Python's lock: with
+    `worth_it` False this thread does all parts. Raises WorkEndedError after `end_work`.
 
     """
     left = deque(parts)

@@ -104,7 +104,7 @@ OFFSET = {fitted.offset!r}
 """Log odds of a right match where the logarithms of all figures are zero."""
 TERMS = (
 {terms})
-"""The figures of a match that tell, and what each contributes."""
+"""Figures of a match that predict whether it is right, and the weight of each (no unit)."""
 '''
 
 
