@@ -20,7 +20,7 @@ def problem(slopes, residual):
     return LeastSquaresProblem(
         instruments=slopes, slopes=slopes, exact=lambda: slopes, scales=np.ones(UNKNOWNS),
         residual=residual, weights=ones, curvature=ones, all_weights=ones, predicted=ones,
-        pattern=lambda: ones, gain=1.0, offset=0.0, scale_sq=1.0, telling_scale_sq=1.0,
+        pattern=lambda: ones, gain=1.0, offset=0.0, scale_sq=1.0, pose_scale_sq=1.0,
         prior=zeros, prior_offset=zeros,
     )
 

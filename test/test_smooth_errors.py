@@ -42,7 +42,7 @@ def covariance(errors, matched, level=None):
 
 
 def learned(errors, matches):
-    """Return the level after matches that are 10 m apart."""
+    """Return the level after matches that are 10 m min_distance."""
     level = ErrorLevel()
     for index, matched in enumerate(matches):
         level = errors.shared(matched, level, Pose2(10.0 * index, 0.0, 0.0)).level
@@ -53,7 +53,7 @@ def test_it_vanishes_where_blocks_err_alone():
     rng = np.random.default_rng(3)
     centres, errors = view()
     told = [np.diag(covariance(errors, sums(rng, centres, 0.0)[0])) for _ in range(20)]
-    own = 1e-6 * np.diag(np.linalg.inv(sums(rng, centres, 0.0)[0].whole[:3, :3] * 1e-6))
+    own = 1e-6 * np.diag(np.linalg.inv(sums(rng, centres, 0.0)[0].total[:3, :3] * 1e-6))
     assert np.all(np.mean(told, axis=0) < 1.0 * own)
 
 
@@ -70,9 +70,9 @@ def test_a_bent_map_is_seen():
 def seen_near(matched, centres):
     """Return a match whose pattern lies within 1 m, where it cannot show that the map is bent."""
     share = np.where(np.hypot(centres[:, 0] - 4.0, centres[:, 1]) < 0.8, 1.0, 1e-6)
-    parts = matched.parts * share[:, None, None]
+    parts = matched.matrices * share[:, None, None]
     whole = parts.sum(axis=0) + 1e-3 * np.eye(UNKNOWNS)
-    pulls = matched.pulls * share[:, None]
+    pulls = matched.gradients * share[:, None]
     pulls -= parts @ np.linalg.solve(whole, pulls.sum(axis=0))
     return BlockSums(parts, pulls, whole, matched.prior)
 

@@ -47,7 +47,7 @@ class Crop:
     def _is_doubled(self, resolution: float) -> bool:
         return DOUBLED[0] <= resolution / self.part.resolution < DOUBLED[1]
 
-    def calm_slopes(self, resolution: float) -> tuple[Floats, Floats]:
+    def blurred_slopes(self, resolution: float) -> tuple[Floats, Floats]:
         """Slopes of `for_cells`, blurred by a cell of the part (`RasterMap.blurred_slopes`)."""
         if resolution not in self._calm:
             smoothed = self.for_cells(resolution)

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from gip_localizer.core.arrays import Floats, Ints, stacked
+from gip_localizer.core.arrays import Bools, Floats, Ints, stacked
 
 
 class Blocks:
@@ -21,7 +21,7 @@ class Blocks:
         Positions of the cells, metres.
     sides : (float, float)
         Side lengths of a block, metres ahead and left.
-    joined : (int, int)
+    per_larger : (int, int)
         Number of blocks per larger block, ahead and left.
 
     Attributes
@@ -32,13 +32,13 @@ class Blocks:
     """
 
     def __init__(
-        self, x: Floats, y: Floats, sides: tuple[float, float], joined: tuple[int, int]
+        self, x: Floats, y: Floats, sides: tuple[float, float], per_larger: tuple[int, int]
     ) -> None:
         ahead = np.floor((x - x.min()) / sides[0]).astype(int)
         left = np.floor((y - y.min()) / sides[1]).astype(int)
-        larger = _numbered(ahead // joined[0], left // joined[1])
-        block = larger * (joined[0] * joined[1]) + (ahead % joined[0]) * joined[1]
-        block += left % joined[1]
+        larger = _numbered(ahead // per_larger[0], left // per_larger[1])
+        block = larger * (per_larger[0] * per_larger[1]) + (ahead % per_larger[0]) * per_larger[1]
+        block += left % per_larger[1]
         self.order: Ints = np.argsort(block, kind='stable')
         sorted_blocks = block[self.order]
         starts = np.flatnonzero(np.diff(sorted_blocks, prepend=-1))
@@ -49,18 +49,18 @@ class Blocks:
         self._larger_runs = _runs(self._larger_counts)
 
     def products(self, left: Floats, right: Floats) -> Floats:
-        """Products (blocks, k, m) float64 of each block's columns of left (k, n), right (m, n)."""
+        """Return products (blocks, k, m) float64 of left (k, n) and right (m, n) in each block."""
         return _products(self._runs, left, right)
 
     def larger_products(self, left: Floats, right: Floats) -> Floats:
-        """Products (larger blocks, k, m) likewise."""
+        """Return products (larger blocks, k, m) float64 in each larger block."""
         return _products(self._larger_runs, left, right)
 
     def larger_sums(self, values: Floats) -> Floats:
-        """Sums (larger blocks,) of values (n,)."""
+        """Return sums (larger blocks,) of values (n,)."""
         return np.add.reduceat(values, self._larger_starts)
 
-    def over_larger(self, values: Floats) -> Floats:
+    def over_larger(self, values: Floats | Bools) -> Floats:
         """Return for every cell (n,) float32 the value of its larger block."""
         return np.repeat(values.astype(np.float32), self._larger_counts)
 

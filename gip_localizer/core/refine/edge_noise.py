@@ -17,17 +17,19 @@ import numpy as np
 from gip_localizer.core.arrays import Floats, median
 from gip_localizer.core.camera.model import CameraModel
 
-# Step (m) of the central differences of the projection (chosen).
+# Step (m) of the central differences of the projection (design choice: 1 mm, because rounding and
+# curvature are both negligible there).
 STEP = 1e-3
-# Least number of cells with a strong edge for which κ is estimated; with fewer it is 0 (chosen).
-OFTEN = 30
-# Least ratio of the edge variance for κ = 1 px to the cell's own variance, from which an edge
-# counts as strong (chosen).
-TELLING = 12.0
-# Median of the chi-square distribution with 1 degree of freedom.
+# Least number of cells with a strong edge for which κ is estimated, else it is 0 (design choice:
+# 30, because the median of fewer is uncertain).
+MIN_EDGES = 30
+# Least ratio (no unit) of the edge variance for κ = 1 px to the variance of the cell, above which
+# an edge is strong (design choice: 12, because weaker edges show mostly the noise of the cell).
+STRONG_EDGE = 12.0
+# Median of the chi-square distribution with 1 degree of freedom (no unit).
 CHI_SQ_MEDIAN = 0.455
-# Largest κ² (px²): an error of one pixel (chosen).
-MOST_SHARE = 1.0
+# Largest κ² (px²; design choice: 1, because no camera displaces a pixel by more than one pixel).
+MAX_EDGE_SHARE = 1.0
 
 
 class PixelSteps:
@@ -51,8 +53,8 @@ class PixelSteps:
              / (2.0 * STEP)).T
             for shift in STEP * np.eye(2)
         )
-        turned = ux * vy - uy * vx
-        planes = (vy / turned, -vx / turned, -uy / turned, ux / turned)  # m per pixel
+        determinant = ux * vy - uy * vx
+        planes = np.array([vy, -vx, -uy, ux]) / determinant  # m per pixel
         self._xu, self._yu, self._xv, self._yv = (
             np.nan_to_num(plane, posinf=0.0, neginf=0.0).astype(np.float32) for plane in planes
         )
@@ -77,9 +79,9 @@ def edge_share(residual: Floats, weights: Floats, changes: Floats) -> float:
         `PixelSteps.changes`, in grey levels of the view.
 
     """
-    strong = np.flatnonzero(changes * weights > TELLING)
-    if len(strong) < OFTEN:
+    strong = np.flatnonzero(changes * weights > STRONG_EDGE)
+    if len(strong) < MIN_EDGES:
         return 0.0
     per_pixel, variance = changes.take(strong), 1.0 / weights.take(strong)
-    beyond = np.maximum(residual.take(strong) ** 2 - variance, 0.0)
-    return min(median(beyond / per_pixel) / CHI_SQ_MEDIAN, MOST_SHARE)
+    excess = np.maximum(residual.take(strong) ** 2 - variance, 0.0)
+    return min(median(excess / per_pixel) / CHI_SQ_MEDIAN, MAX_EDGE_SHARE)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The level of the smooth errors, learned along a drive.
+Level of the smooth errors, estimated along a drive.
 
 Road, map and calibration cause errors of a similar size in all frames of a drive, but not every
 frame shows them: by chance the parts of a view may agree although all of them are displaced. The
@@ -19,14 +19,15 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.pose import Pose2
 
-# Grid of the logarithm of the variance s² (m²) on which the level is kept: 3 um to 0.17 m.
+# Grid of ln s² (s² in m²) on which the level is stored (design choice: standard deviations from 3
+# um, far below any error of a pose, to 0.17 m, far above those of a map that can be used).
 LOG_VARIANCES = np.linspace(np.log(1e-11), np.log(3e-2), 56)
 
 
 @dataclass(frozen=True)
 class LevelSettings:
     """
-    How the level is learned.
+    Settings of the estimation of the level.
 
     The defaults were compared with others by `make error-level`, on worlds that no reported number
     uses.
@@ -45,9 +46,9 @@ class LevelSettings:
         Number of frames over which the level is averaged, so that it follows a change of the
         road: 20 give the same results.
     spread : float
-        Standard deviation of what one frame teaches, in steps of the grid: strengths vary from
-        place to place. At 0.5 and below, 83 instead of 96 % of the poses on banked curves are
-        inside the ellipse.
+        Standard deviation by which the result of one frame is blurred, in steps of the grid:
+        strengths vary from place to place. At 0.5 and below, 83 instead of 96 % of the poses on
+        banked curves are inside the ellipse.
 
     """
 
@@ -61,7 +62,7 @@ class LevelSettings:
 @dataclass(frozen=True, eq=False)
 class ErrorLevel:
     """
-    What the frames of a drive have shown of their smooth errors.
+    Estimate of the smooth errors from the frames of a drive.
 
     Attributes
     ----------
@@ -70,9 +71,9 @@ class ErrorLevel:
     frames : float
         Number of frames in it, at most `settings.memory`.
     place : Pose2 or None
-        Where the last of them was taken, base in map.
+        Pose of the last of them, base in map.
     settings : LevelSettings
-        How it is learned.
+        Settings of the estimation.
 
     """
 
@@ -107,7 +108,7 @@ class ErrorLevel:
         return np.asarray(np.log((1.0 - share) * fixed + share * learned))
 
     def after(
-        self, weights: Floats, variances: Floats, place: Pose2, *, apart: float
+        self, weights: Floats, variances: Floats, place: Pose2, *, min_distance: float
     ) -> ErrorLevel:
         """
         Return the level after one more frame.
@@ -119,13 +120,13 @@ class ErrorLevel:
         variances : (lengths, n)
             s², m².
         place : Pose2
-            Base in map.
-        apart : float
-            Distance (m) from the last frame from which the errors are independent: a frame
-            nearer to it changes nothing.
+            Pose of base in map.
+        min_distance : float
+            Distance (m) from the last frame above which the errors are independent; a nearer
+            frame does not change the level.
 
         """
-        if self.place is not None and self.place.distance(place) < apart:
+        if self.place is not None and self.place.distance(place) < min_distance:
             return self
         spread = self.settings.spread
         seen = np.array([
@@ -141,6 +142,6 @@ class ErrorLevel:
 def _binned(logs: Floats, weights: Floats, spread: float) -> Floats:
     """Return weights at positions `logs` (n,) on the grid (bins,), blurred by `spread` steps."""
     step = LOG_VARIANCES[1] - LOG_VARIANCES[0]
-    apart = (LOG_VARIANCES[:, None] - np.clip(logs, LOG_VARIANCES[0], LOG_VARIANCES[-1])) / step
-    kernel = np.exp(-0.5 * (apart / spread) ** 2)
+    offsets = (LOG_VARIANCES[:, None] - np.clip(logs, LOG_VARIANCES[0], LOG_VARIANCES[-1])) / step
+    kernel = np.exp(-0.5 * (offsets / spread) ** 2)
     return np.asarray((kernel / kernel.sum(axis=0)) @ weights)

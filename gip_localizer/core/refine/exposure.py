@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Exposure of a view against the map: gain, offset, and how the gain varies over the image."""
+"""Exposure of a view relative to the map: gain, offset, and how the gain varies over the image."""
 
 from __future__ import annotations
 
@@ -8,14 +8,18 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 
-# Ridge of the shading factors, as a share of the information on the gain (chosen).
+# Ridge of the shading factors, as a share of the information on the gain (no unit; design choice:
+# 1e-3, because a view without pattern at its border must not give a large factor).
 SHADING_RIDGE = 1e-3
+# Largest shading factor (no unit; design choice: 0.5, because lenses darken the border by at most
+# half).
+MAX_SHADING = 0.5
 
 
 def exposure(
     values: Floats, predicted: Floats, weights: Floats, *, least_gain: float
 ) -> tuple[float, float]:
-    """Gain and offset of the view relative to the map, weighted least squares."""
+    """Return gain and offset of the view relative to the map, by weighted least squares."""
     total = float(weights.sum())
     if total <= 0.0:
         return 1.0, 0.0
@@ -53,4 +57,4 @@ def shading(values: Floats, predicted: Floats, weights: Floats, basis: Floats) -
     )
     if solved[0] <= 0.0:
         return np.zeros(len(basis))
-    return np.clip(solved[2:] / solved[0], -0.5, 0.5)
+    return np.clip(solved[2:] / solved[0], -MAX_SHADING, MAX_SHADING)

@@ -17,12 +17,15 @@ from gip_localizer.core.refine.error_level import ErrorLevel
 from gip_localizer.core.refine.least_squares import LeastSquaresProblem
 from gip_localizer.core.refine.smooth_errors import SharedErrors
 
-# Distance (m) between two fits beyond which they are at different places (chosen).
+# Distance (m) between two fits above which they are at different places (design choice: 0.2 m,
+# because fits of one mode end closer together, and patterns of roads repeat at larger distances).
 SAME_PLACE = 0.2
-# Lever arm (m) that converts a rotation of the view into a displacement (chosen).
+# Lever arm (m) that converts a rotation of the view into a displacement (design choice: 6 m, about
+# the distance of the middle of a view from base).
 LEVER = 6.0
-# Largest correlation that enters `Fit.evidence`; it keeps the logarithm finite (chosen).
-MOST_CORRELATION = 0.9999
+# Largest correlation (no unit) in `Fit.evidence` (design choice: 0.9999, because the logarithm
+# must stay finite).
+MAX_CORRELATION = 0.9999
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,21 +36,22 @@ class Fit:
     Attributes
     ----------
     pose : Pose2
-        Base in map.
+        Pose of base in map.
     own_covariance : (3, 3) float64
-        Of x, y (m) and yaw (rad) in the axes of the pose (ahead, left), from the influence of
-        each block of road on the pose, so that correlated residuals do not count as independent;
-        it is larger where a share of the road disagrees. Without `shared`.
+        Covariance of x, y (m) and yaw (rad) in the axes of the pose (ahead, left), without
+        `shared`. It is computed from the influence of each block of road on the pose, so that
+        correlated residuals do not count as independent, and increased by the share of the road
+        that disagrees.
     find_shared : callable
-        Computes `shared` from a level, which takes milliseconds and is needed of few fits.
+        Computes `shared` from a level; it takes milliseconds and only few fits need it.
     level : ErrorLevel
-        Level of the smooth errors in the frames before.
+        Level of the smooth errors in earlier frames.
     problem : LeastSquaresProblem
         The least-squares problem at the pose.
     camera_motion : (3,) float64
         Estimated pitch, roll (rad) and height (m) relative to the calibration.
     gain, offset : float
-        Of the view relative to the map, grey levels of [0, 1].
+        Gain (no unit) and offset (grey levels of [0, 1]) of the view relative to the map.
     residual : float
         Weighted mean square of the residuals of the cells that agree.
     inliers : float
@@ -60,13 +64,13 @@ class Fit:
     overlap : float
         Share of the weight on known map cells.
     converged : bool
-        The last step was small and the pose stayed near its start.
+        The last step was small, and the pose is near its start.
     overdispersion : float
         Ratio of the standard deviations to those of the noise model alone.
     chi_sq : float
         Mean of squared residuals over their expected variance (1 when the noise model holds).
     cell : float
-        Side (m) of the compared cells, of the view or of the map, whichever are larger.
+        Side (m) of the cells of the view or of the map, whichever are larger.
 
     """
 
@@ -93,7 +97,7 @@ class Fit:
         """
         Covariance (3, 3) by Fisher information alone, in the axes of the pose.
 
-        The Cramér-Rao bound for white pixel noise and the weights as given.
+        It is the Cramér-Rao bound for white pixel noise and the given weights.
 
         """
         return self.problem.fisher()
@@ -101,9 +105,9 @@ class Fit:
     @cached_property
     def shared(self) -> SharedErrors:
         """
-        Errors that the frames after this one share.
+        Errors that later frames share.
 
-        Smooth errors of road, map and calibration, and the calibrated yaw of the camera.
+        They are smooth errors of road, map and calibration, and that of the calibrated camera yaw.
 
         """
         return self.find_shared(self.level)
@@ -136,7 +140,7 @@ class Fit:
         return turn
 
     def distance(self, other: Fit) -> float:
-        """Metres from another fit."""
+        """Return the distance to another fit, metres."""
         return math.hypot(other.pose.x - self.pose.x, other.pose.y - self.pose.y)
 
     def along_weakest(self, distance: float) -> Pose2:
@@ -172,7 +176,7 @@ class Fit:
     @property
     def evidence(self) -> float:
         """Log likelihood ratio per cell of the map to a blank road, `-ln(1 - c²)/2`."""
-        unexplained = 1.0 - min(max(self.correlation, 0.0), MOST_CORRELATION) ** 2
+        unexplained = 1.0 - min(max(self.correlation, 0.0), MAX_CORRELATION) ** 2
         return -0.5 * math.log(unexplained)
 
     @property
@@ -180,8 +184,8 @@ class Fit:
         """
         Score by which fits at different places are compared.
 
-        The evidence times the share of the road that agrees, so that a fit which matches only
-        weak asphalt texture does not exceed one that matches the paint.
+        It is the evidence times the share of the road that agrees, so that a fit which matches
+        only weak asphalt texture does not exceed one that matches the paint.
 
         """
         return self.agreement * self.evidence

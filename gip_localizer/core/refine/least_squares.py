@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-One linearised weighted least-squares problem: its step, its covariance, its quality.
+One linearized weighted least-squares problem: its step, its covariance, and measures of its fit.
 
 With residual r, weights W (Gramian times robust weights), map slopes J and pixel blur S, the
 estimating equation is `Jᵀ W r = 0` and its slope `Jᵀ W S J`. For white pixel noise that is maximum
@@ -23,27 +23,27 @@ import math
 import numpy as np
 
 from gip_localizer.core.arrays import Floats, product
+from gip_localizer.core.refine.block_influence import effective_blocks, influences
 from gip_localizer.core.refine.blocks import Blocks
 from gip_localizer.core.refine.robust import LEAST_PATTERN
 from gip_localizer.core.refine.smooth_errors import BlockSums, GEOMETRY
+from gip_localizer.core.refine.symmetric_systems import inverse, positive_inverse, solved
 
-# Damping of a step (1/m², 1/m², 1/rad²) along directions that nothing constrains (chosen).
+# Damping of a step (1/m², 1/m², 1/rad²; design choice: 1 and 25, because without it steps along
+# directions that nothing constrains became arbitrarily long on a bare lane).
 DAMPING = np.array([1.0, 1.0, 25.0])
-# Standard deviations (m, m, rad) of a weak prior on every pose around its start (chosen).
-WIDEST = np.array([30.0, 30.0, 3.0])
-# Largest overdispersion, also returned where it cannot be computed (chosen).
-MOST_OVERDISPERSION = 1e3
-# Least eigenvalue of an information matrix scaled to a unit diagonal (chosen).
-SINGULAR = 1e-9
-# Least diagonal element for this scaling; at a wrong place elements may be negative (chosen).
-LEAST_DIAGONAL = 1e-15
-# Number of blocks subtracted from the effective number, as small-sample correction (chosen).
+# Standard deviations (m, m, rad) of a weak prior on every pose around its start (design choice: 30
+# m and 3 rad, because they are far beyond any window and keep the matrix invertible).
+WEAK_PRIOR = np.array([30.0, 30.0, 3.0])
+# Largest overdispersion (no unit), also returned where it cannot be computed (design choice: 1e3,
+# because it must stay finite).
+MAX_OVERDISPERSION = 1e3
+# Number of blocks that is subtracted from the effective number, as small-sample correction (set by
+# the mean NEES of several worlds).
 SMALL_SAMPLE = 0.5
-# Largest leverage of a block that is corrected for (chosen).
-MOST_LEVERAGE = 0.98
-# Least standard deviation, as a share of the noise model's: residuals may be small by chance
-# (chosen).
-LEAST_SPREAD = 0.05
+# Least standard deviation, as a share of that of the noise model (no unit; design choice: 0.05,
+# because residuals may be small by chance, and a match without slopes has no residuals at all).
+MIN_SPREAD = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,36 +54,37 @@ class LeastSquaresProblem:
     Attributes
     ----------
     instruments : (p, n) float32
-        Z, for each unknown.
+        Z, a row per unknown.
     slopes : (p, n) float32
         S J: slopes of the map behind the pixel blur.
     exact : callable
         Returns J (p, n): slopes of the map as it is.
     scales : (p,) float64
-        What the slopes are in grey levels of the view.
+        Factors from the slopes of the map to grey levels of the view.
     residual : (n,) float32
         v - a S û - b.
     weights : (n,) float32
         Gramian times robust weights; 0 where the map holds no data.
     curvature : (n,) float32
-        Slope of the weighted residual: what `weights` is to the step, this is to the spread.
+        Derivative of the weighted residual; the covariance uses it in place of `weights`.
     all_weights : (n,) float32
         Gramian alone.
     predicted : (n,) float32
         S û.
     pattern : callable
-        Returns S û (n,), less what of it the light of the place explains.
+        Returns the part (n,) of S û that the light model does not explain.
     gain, offset : float
         a and b.
     scale_sq : float
-        Mean squared normalised residual of the cells that agree.
-    telling_scale_sq : float
-        The same of the cells that tell the pose, each as far as it does, and no less: where only
-        edges do, flat road says nothing of how well they fit. The prior is weighed by it.
+        Mean of r² W over the cells that agree.
+    pose_scale_sq : float
+        Mean of r² W, weighted by the information of each cell on the pose; at least `scale_sq`.
+        Flat road fits at any pose, and would make the fit of the edges look too good. The prior
+        is scaled by it.
     prior : (p,) float64
         Information of the prior on each unknown, before scaling.
     prior_offset : (p,) float64
-        RefinementState relative to the prior's mean.
+        State relative to the mean of the prior.
 
     """
 
@@ -100,7 +101,7 @@ class LeastSquaresProblem:
     gain: float
     offset: float
     scale_sq: float
-    telling_scale_sq: float
+    pose_scale_sq: float
     prior: Floats
     prior_offset: Floats
 
@@ -110,89 +111,89 @@ class LeastSquaresProblem:
         return self._normal(product(self.instruments * self.weights, self.slopes))
 
     def _normal(self, matrix: Floats) -> Floats:
-        """Make a normal matrix of `Zᵀ W S J` (p, p)."""
+        """Return the normal matrix: `Zᵀ W S J` (p, p), scaled, plus the prior."""
         matrix = self._scaled(matrix)
         ridge = 1e-9 * np.diag(matrix) + 1e-12
-        ridge[:GEOMETRY] += 1.0 / WIDEST**2
-        return np.asarray(matrix + np.diag(self.telling_scale_sq * self.prior + ridge))
+        ridge[:GEOMETRY] += 1.0 / WEAK_PRIOR**2
+        return np.asarray(matrix + np.diag(self.pose_scale_sq * self.prior + ridge))
 
     def step(self, information: Floats) -> Floats:
-        """Return the Gauss-Newton step (p,) with this matrix, or one near it."""
+        """Return the Gauss-Newton step (p,) for a matrix at this or a recent state."""
         gradient = self.scales * (self.instruments @ (self.weights * self.residual))
-        gradient -= self.telling_scale_sq * self.prior * self.prior_offset
+        gradient -= self.pose_scale_sq * self.prior * self.prior_offset
         damped = information.copy()
         damped[range(GEOMETRY), range(GEOMETRY)] += self.scale_sq * DAMPING
-        return _solved(damped, gradient)
+        return solved(damped, gradient)
 
     def sums(self, blocks: Blocks) -> BlockSums:
-        """Return the problem block by block."""
+        """Return matrix and gradient of the problem for each block."""
         columns = np.empty((len(self.slopes) + 1, self.slopes.shape[1]), np.float32)
         np.multiply(self.slopes, self.curvature, out=columns[:-1])
         np.multiply(self.weights, self.residual, out=columns[-1])
         sums = blocks.products(self.instruments, columns)
         return BlockSums(
-            parts=self._scaled(sums[..., :-1]), pulls=sums[..., -1] * self.scales,
-            whole=self._normal(sums[..., :-1].sum(axis=0)), prior=self.prior,
+            matrices=self._scaled(sums[..., :-1]), gradients=sums[..., -1] * self.scales,
+            total=self._normal(sums[..., :-1].sum(axis=0)), prior=self.prior,
         )
 
     def block_covariance(self, sums: BlockSums) -> Floats:
         """
         Return the covariance (3, 3) of the pose from the influence of each block of road.
 
-        A block moves the estimate by `A⁻¹ g_b`, with the whole slope A and its gradient g_b. One
-        that decides alone has residuals that are small whatever its error is; its leverage makes
-        up for that (Bell and McCaffrey 2002). Leaving the blocks out in turn, the jackknife, tells
-        too much where blocks are few for the unknowns.
+        A block moves the estimate by `A⁻¹ g_b`, with the matrix A of all blocks and the gradient
+        g_b of the block. A block that alone determines an unknown has small residuals whatever
+        its error is; the correction for leverage accounts for it (`influences`). The jackknife,
+        which leaves out one block at a time, overestimates the covariance when blocks are few.
 
-        Never far below what the noise model expects, which is large along what nothing tells.
+        The result is never far below the covariance of the noise model, which is large along
+        directions that nothing constrains.
 
         """
-        moved = _moved(sums.whole, sums.parts, sums.pulls)[:, :GEOMETRY]
-        held = _inverse(sums.whole)[:GEOMETRY]
-        spread = moved.T @ moved + (held * (self.telling_scale_sq**2 * self.prior)) @ held.T
-        few = _effective(moved, spread)
-        spread *= few / max(few - SMALL_SAMPLE, 1.0)
-        return np.asarray(spread + LEAST_SPREAD**2 * self.expected)
+        influence = influences(sums.total, sums.matrices, sums.gradients)[:, :GEOMETRY]
+        gain = inverse(sums.total)[:GEOMETRY]
+        spread = influence.T @ influence
+        spread = spread + (gain * (self.pose_scale_sq**2 * self.prior)) @ gain.T
+        blocks = effective_blocks(influence, spread)
+        spread *= blocks / max(blocks - SMALL_SAMPLE, 1.0)
+        return np.asarray(spread + MIN_SPREAD**2 * self.expected)
 
     def _scaled(self, matrix: Floats) -> Floats:
-        """Symmetric part of matrices (..., p, p), in grey levels of the view."""
+        """Return the symmetric part of matrices (..., p, p), scaled to grey levels of the view."""
         return 0.5 * (matrix + matrix.swapaxes(-1, -2)) * np.outer(self.scales, self.scales)
 
     @cached_property
     def expected(self) -> Floats:
         """Covariance (3, 3) of the pose from the noise model alone."""
-        return _positive_inverse(self.information)[:GEOMETRY, :GEOMETRY]
+        return positive_inverse(self.information)[:GEOMETRY, :GEOMETRY]
 
     def overdispersion(self, covariance: Floats) -> float:
         """
-        Return the root-mean-square ratio of the standard deviations to the noise model's.
+        Return the root-mean-square ratio of the standard deviations to those of the noise model.
 
-        Near 1 where view and map differ by the noise that is assumed; large where the parts of
-        the view pull in different directions, as at a wrong place.
+        It is near 1 where view and map differ by the assumed noise; it is large where the parts of
+        the view contradict each other, as at a wrong place.
 
         """
         if not (np.isfinite(self.expected).all() and np.isfinite(covariance).all()):
-            return MOST_OVERDISPERSION
-        ratio = float(np.trace(_positive_inverse(self.expected) @ covariance)) / GEOMETRY
-        return min(float(np.sqrt(max(ratio, 0.0))), MOST_OVERDISPERSION)
+            return MAX_OVERDISPERSION
+        ratio = float(np.trace(positive_inverse(self.expected) @ covariance)) / GEOMETRY
+        return min(float(np.sqrt(max(ratio, 0.0))), MAX_OVERDISPERSION)
 
     def fisher(self) -> Floats:
         """Return the covariance (3, 3) of the geometry for independent pixel noise."""
-        inverse = _inverse(
-            self._normal(product(self.exact() * self.all_weights, self.slopes))
-        )
-        return self.scale_sq * inverse[:GEOMETRY, :GEOMETRY]
+        information = self._normal(product(self.exact() * self.all_weights, self.slopes))
+        return self.scale_sq * inverse(information)[:GEOMETRY, :GEOMETRY]
 
     def mean_square(self) -> float:
-        """Weighted mean square residual of the cells that agree."""
+        """Return the weighted mean square residual of the cells that agree."""
         return float(self.weights @ self.residual**2) / max(float(self.weights.sum()), 1e-20)
 
     def inliers(self) -> float:
-        """Share of the weight that agrees with the map."""
+        """Return the share of the weight that agrees with the map."""
         return float(self.weights.sum()) / max(float(self.all_weights.sum()), 1e-20)
 
     def correlation(self) -> float:
-        """Weighted correlation of the view's pattern and the map's over the cells that agree."""
+        """Return the weighted correlation of the patterns of view and map in cells that agree."""
         w, m = self.weights, self.pattern()
         total = float(w.sum(dtype=np.float64))
         if total <= 0.0:
@@ -204,69 +205,3 @@ class LeastSquaresProblem:
             return 0.0
         spread = math.sqrt(float((w * dv) @ dv) * float(weighted @ dm))
         return float(weighted @ dv) / spread if spread > 1e-12 else 0.0
-
-
-def _effective(moved: Floats, covariance: Floats) -> float:
-    """
-    Return the effective number of blocks in a covariance; with few, it is small by chance.
-
-    Parameters
-    ----------
-    moved : (blocks, 3)
-        How far each block moves the pose.
-    covariance : (3, 3)
-        Sum of their squares.
-
-    """
-    shares = np.einsum('ij,ij->i', moved @ np.linalg.pinv(covariance), moved)
-    return float(shares.sum() ** 2 / max(float((shares**2).sum()), 1e-30))
-
-
-def _moved(whole: Floats, parts: Floats, pulls: Floats) -> Floats:
-    """
-    Return the influence (blocks, p) of each block on the estimate, corrected for its leverage.
-
-    Of the errors' variance the fit leaves in a block the share 1 - h along an axis with leverage
-    h, an eigenvalue of `A^-1/2 A_b A^-1/2`: its residuals pull too weakly by the root of that.
-
-    Parameters
-    ----------
-    whole : (p, p)
-        A.
-    parts : (blocks, p, p)
-        A_b.
-    pulls : (blocks, p)
-        g_b.
-
-    """
-    root = _inverse_root(whole)
-    leverage, axes = np.linalg.eigh(root.T @ parts @ root)
-    along = (axes.swapaxes(-1, -2) @ (pulls @ root)[..., None])[..., 0]
-    along /= np.sqrt(1.0 - np.clip(leverage, 0.0, MOST_LEVERAGE))
-    return np.asarray((axes @ along[..., None])[..., 0] @ root.T)
-
-
-def _solved(matrix: Floats, right: Floats) -> Floats:
-    """Solution of symmetric systems (..., p, p); the shortest one where they are singular."""
-    try:
-        return np.asarray(np.linalg.solve(matrix, right))
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.pinv(matrix, hermitian=True) @ right)
-
-
-def _inverse(matrix: Floats) -> Floats:
-    """Inverse of a symmetric matrix (p, p); the pseudo-inverse where it is singular."""
-    return _solved(matrix, np.eye(len(matrix)))
-
-
-def _positive_inverse(matrix: Floats) -> Floats:
-    """Inverse of a symmetric matrix (p, p) whose least eigenvalues may be below zero."""
-    root = _inverse_root(matrix)
-    return np.asarray(root @ root.T)
-
-
-def _inverse_root(matrix: Floats) -> Floats:
-    """Root R (p, p) of that inverse: R Rᵀ."""
-    unit = 1.0 / np.sqrt(np.maximum(np.diag(matrix), LEAST_DIAGONAL))
-    values, vectors = np.linalg.eigh(matrix * np.outer(unit, unit))
-    return np.asarray(unit[:, None] * (vectors / np.sqrt(np.maximum(values, SINGULAR))))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Light that differs from place to place: edges of shadows, head lights, flicker, fog.
+Light that varies over the road: edges of shadows, head lights, flicker, fog.
 
 Brightness and contrast are estimated from the view itself, each as constant over a few cells. The
 light model absorbs coarser map structure; only finer structure constrains the pose.
@@ -18,17 +18,24 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.refine.stages import Stage
 
-# Standard deviation (cells of the view) of the filter that estimates the brightness (chosen).
+# Standard deviation (cells of the view) of the filter that estimates the brightness (design
+# choice: 4, because edges of shadows are sharp, and paint must not count as light).
 BRIGHTNESS_SIDE = 4.0
-# Standard deviation (cells of the view) of the filter that estimates the contrast (chosen).
+# Standard deviation (cells of the view) of the filter that estimates the contrast (measured: in
+# fog a larger neighbourhood than that of the brightness reduces the NEES from 55 to 4.4,
+# docs/accuracy.md).
 CONTRAST_SIDE = 16.0
-# Limits of brightness and of contrast, in units of their means (chosen).
+# Limits of brightness and of contrast, in units of their means (design choice: from 0.05, because
+# deep shadow and fog keep some light, to 4 and 2, because noise must not be amplified).
 BRIGHTNESS, CONTRAST = (0.05, 4.0), (0.05, 2.0)
-# Share of seen cells below which the light is assumed uniform (chosen).
+# Share of known cells (no unit) in the neighbourhood of a cell below which its mean shrinks
+# towards 0 (design choice: 0.01, because a mean of so few cells is uncertain).
 RIDGE = np.float32(0.01)
-# Share of the mean brightness below which cells hardly constrain the brightness (chosen).
+# Share of the mean brightness below which cells hardly constrain the brightness (no unit; design
+# choice: 0.25, because the ratio to a dark cell amplifies the noise).
 DARK = 0.25
-# Share of the mean pattern below which cells hardly constrain the contrast (chosen).
+# Share of the mean power of the pattern below which cells hardly constrain the contrast (no unit;
+# design choice: 0.1, because a ratio of weak patterns is mostly noise).
 FLAT = np.float32(0.1)
 
 
@@ -40,7 +47,7 @@ class Light:
     Attributes
     ----------
     gain, veil : (rows, cols) float32
-        Over the road, in cells of any size.
+        On the road, in cells of any size.
     broad : (rows, cols) float32
         The part of the map that the light explains.
 
@@ -57,7 +64,7 @@ class Light:
 
 @dataclass(frozen=True, eq=False)
 class LightOnCells:
-    """The same on n cells: (n,) float32 each."""
+    """`Light` on n cells: (n,) float32 each."""
 
     gain: Floats
     veil: Floats
@@ -74,7 +81,7 @@ def find_light(stage: Stage, values: Floats, grey: Floats, known: Floats) -> Lig
     Parameters
     ----------
     stage : Stage
-        Whose cells they are.
+        Stage of the cells.
     values, grey, known : (n,) float32
         View less its offset and over its gain, the map, and 1 where both are known.
 

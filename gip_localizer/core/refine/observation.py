@@ -40,7 +40,7 @@ class Unknowns:
     robust: bool
 
     def scales(self, gain: float) -> Floats:
-        """Factors (p,) from the slopes of the map to grey levels of the view."""
+        """Return factors (p,) from the slopes of the map to grey levels of the view."""
         scales = np.full(len(self.prior), gain)
         if self.normalized:
             scales[-2:] = 1.0
@@ -65,7 +65,7 @@ class RefinementState:
     light: Light | None = None
 
     def shade(self, stage: Stage) -> Floats | None:
-        """Relative gain (n,) of the cells due to shading, about 1; None without shading."""
+        """Return the relative gain (n,) of the cells due to shading; None without shading."""
         if not self.shading.any():
             return None
         return np.float32(1.0) + self.shading.astype(np.float32) @ stage.optical
@@ -74,14 +74,14 @@ class RefinementState:
 @dataclass(frozen=True, eq=False)
 class FrameErrors:
     """
-    What is known of the errors of a frame before it is matched.
+    Errors of a frame, as far as they are known before it is matched.
 
     Attributes
     ----------
     map_noise : float
         Standard deviation of the map in the view's grey levels, as in the Gramian.
     level : ErrorLevel
-        Of the smooth errors, from the frames before.
+        Level of the smooth errors, from earlier frames.
 
     """
 
@@ -92,24 +92,25 @@ class FrameErrors:
 @dataclass(frozen=True, eq=False)
 class Layer:
     """
-    One stage's cells of a frame, and the map they are compared with.
+    Cells of a frame in one stage, and the map with which they are compared.
 
     Attributes
     ----------
     stage : Stage
-        Which cells.
+        Stage of the cells.
     values, weights : (n,) float32
-        Grey and Gramian.
+        Grey and Gramian of the cells.
     raster_map : RasterMap
-        What the cells are compared with.
+        Map, smoothed for the size of the cells.
     locking : float
-        What sampling between its cell centres may shift a pose by, m.
-    calm_slopes : ((rows, cols) float32, (rows, cols) float32) or None
-        `RasterMap.blurred_slopes` of it, for cells that err with the map; None: not used.
+        Largest error (m) of a pose that interpolation between its cell centres may cause.
+    blurred_slopes : ((rows, cols) float32, (rows, cols) float32) or None
+        `RasterMap.blurred_slopes` of the map, for cells whose error comes from the map; None:
+        not used.
     pixel_share : (n,) float32
-        Share of the cells' variance that pixels cause and not the map.
+        Share of the variance of the cells that pixels cause and not the map.
     level : ErrorLevel
-        Of the smooth errors, from the frames before.
+        Level of the smooth errors, from earlier frames.
 
     """
 
@@ -118,6 +119,6 @@ class Layer:
     weights: Floats
     raster_map: RasterMap
     locking: float
-    calm_slopes: tuple[Floats, Floats] | None
+    blurred_slopes: tuple[Floats, Floats] | None
     pixel_share: Floats
     level: ErrorLevel

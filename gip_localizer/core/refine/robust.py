@@ -9,26 +9,30 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.refine.blocks import Blocks
 
-# Quantile of the squared residuals from which the noise is estimated (chosen).
+# Quantile of the squared residuals from which the noise is estimated (design choice: one third,
+# because up to two thirds of the cells may then be outliers).
 TRIMMED = 1.0 / 3.0
-# The same quantile of the chi-square distribution with 1 degree of freedom.
+# The same quantile of the chi-square distribution with 1 degree of freedom (no unit).
 TRIMMED_CHI_SQ = 0.1855
-# Quantile of the blocks' correlations with which each block is compared (chosen).
+# Quantile of the blocks' correlations with which each block is compared (design choice: 0.8,
+# because cars may hide most blocks, and chance must not set the standard).
 BETTER_BLOCKS = 0.8
-# Least share of the weight in blocks whose pattern exceeds the noise, for a decision (chosen).
-LEAST_TELLING = 0.02
-# Least weighted standard deviation (grey levels of [0, 1]) of a map with a pattern (chosen).
+# Least share of the weight in blocks whose pattern exceeds the noise (design choice: 0.02, because
+# a decision from fewer blocks may be by chance).
+LEAST_INFORMATIVE = 0.02
+# Least weighted standard deviation (grey levels of [0, 1]) of a map with a pattern (design choice:
+# 5e-4, an eighth of a grey level of 8 bits, because less is rounding).
 LEAST_PATTERN = 5e-4
-# Least expected correlation of a block for which its measured correlation is used (chosen).
-TELLING = 0.35
-# Standard deviations beyond which residuals lose weight, for each value of `SPREADS` (chosen).
+# Least expected correlation of a block whose measured correlation is used (design choice: 0.35,
+# because below it the measured correlation is mostly noise).
+LEAST_EXPECTED = 0.35
+# Number of standard deviations above which residuals lose weight, for each value of `SPREADS`
+# (measured: 3 instead of 6 where all is noise increases the error over tiles by 5 %, and 6 instead
+# of 3 that behind cars by 4 %, docs/accuracy.md).
 OUTLIERS = (3.0, 6.0, 6.0, 3.0)
-# Ratios of the residuals' mean square to the assumed noise variance (chosen).
+# Ratios of the residuals' mean square to the assumed noise variance (no unit; design choice: above
+# 1.15 outliers are likely, and from 1.5 on they are certain).
 SPREADS = (0.25, 1.0, 1.15, 1.5)
-
-
-
-
 
 
 def agreeing(
@@ -36,7 +40,7 @@ def agreeing(
     gain: float | None = None,
 ) -> tuple[Floats, float]:
     """
-    Mark the cells, (n,) float32 0 or 1, in blocks of road whose pattern agrees with the map.
+    Return 1 for cells in blocks of road whose pattern agrees with the map, else 0, (n,) float32.
 
     The second value is the share of the weight in these blocks, among all blocks whose pattern
     exceeds the noise; 0 where no pattern exceeds it.
@@ -46,6 +50,29 @@ def agreeing(
     the correlation expected with the noise; without a gain, half of that of the better blocks.
 
     """
+    alike, var_m, total = _block_correlations(values, predicted, weights, blocks)
+    w = np.maximum(total, 1e-20)
+    counted = total > 0.0
+    if not counted.any():
+        return np.ones(len(values), np.float32), 0.0
+    if gain is None:
+        expected = np.full(len(w), _quantile(alike[counted], BETTER_BLOCKS))
+        informative, kept = counted, alike >= 0.5 * expected
+    else:
+        cells = blocks.larger_sums((weights > 0.0).astype(np.int32))
+        pattern = gain**2 * var_m
+        expected = np.sqrt(pattern / (pattern + np.maximum(cells, 1) / w))
+        informative = counted & (expected >= LEAST_EXPECTED) & (var_m > LEAST_PATTERN**2)
+        kept = (alike >= 0.5 * expected) | ~informative
+    least = LEAST_INFORMATIVE * w.sum()
+    share = float(w[informative & kept].sum() / max(w[informative].sum(), least))
+    return blocks.over_larger(kept), share
+
+
+def _block_correlations(
+    values: Floats, predicted: Floats, weights: Floats, blocks: Blocks
+) -> tuple[Floats, Floats, Floats]:
+    """Return correlation, variance of the map and weight, (larger blocks,) each."""
     columns = np.ones((3, len(values)), np.float32)
     np.subtract(values, values.mean(), out=columns[1])
     np.subtract(predicted, predicted.mean(), out=columns[2])
@@ -56,24 +83,11 @@ def agreeing(
     var_v = np.maximum(moments[:, 1, 1] / w - v**2, 0.0)
     var_m = np.maximum(moments[:, 2, 2] / w - m**2, 0.0)
     alike = (moments[:, 1, 2] / w - v * m) / np.maximum(np.sqrt(var_v * var_m), 1e-12)
-    counted = total > 0.0
-    if not counted.any():
-        return np.ones(len(values), np.float32), 0.0
-    if gain is None:
-        expected = np.full(len(w), _quantile(alike[counted], BETTER_BLOCKS))
-        telling, kept = counted, alike >= 0.5 * expected
-    else:
-        cells = blocks.larger_sums((weights > 0.0).astype(np.int32))
-        pattern = gain**2 * var_m
-        expected = np.sqrt(pattern / (pattern + np.maximum(cells, 1) / w))
-        telling = counted & (expected >= TELLING) & (var_m > LEAST_PATTERN**2)
-        kept = (alike >= 0.5 * expected) | ~telling
-    share = float(w[telling & kept].sum() / max(w[telling].sum(), LEAST_TELLING * w.sum()))
-    return blocks.over_larger(kept), share
+    return alike, var_m, total
 
 
 def mean_normalised_square(residual: Floats, weights: Floats) -> float:
-    """Robust mean of r² W (1 when the weights are 1/variance), from its lower third."""
+    """Return a robust mean of r² W (1 if the weights are 1/variance), from its lower third."""
     part = slice(None, None, max(len(residual) // 2500, 1))
     used, squares = weights[part], residual[part] ** 2
     squares *= used
@@ -108,7 +122,7 @@ def robust_weights(
     residual: Floats, weights: Floats, scale_sq: float, outlier_scale: float
 ) -> tuple[Floats, Floats]:
     """
-    Geman-McClure weights (n,), and the slope (n,) of residual times weight, at least 0.
+    Return Geman-McClure weights (n,), and the slope (n,) of residual times weight, at least 0.
 
     Weights are near 1 for residuals within the scale and near 0 far outside.
 

@@ -29,60 +29,66 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.refine.error_level import ErrorLevel
 
-# Number of unknowns of the pose (x, y, yaw), which come first among all unknowns.
+# Number of unknowns of the pose, which come first among all unknowns: x, y, yaw.
 GEOMETRY = 3
-# Correlation lengths of the fields, in units of the view's mean side (chosen).
+# Correlation lengths of the fields, in units of the mean side of the view (design choice: doubling
+# from a fifth, because shorter errors average out in a view and longer ones displace all of it).
 LENGTHS = (0.22, 0.45, 0.9)
-# Nodes along each side of the view on which the modes of a field are computed (chosen).
+# Number of nodes along each side of the view on which the modes of a field are computed (design
+# choice: 7, because their spacing is below the shortest correlation length).
 NODES = 7
-# Least variance of a mode that is kept, as a share of the largest mode's variance (chosen).
+# Least variance of a mode that is kept, as a share of that of the largest mode (no unit; design
+# choice: 0.02, because weaker modes hardly displace a pose and take time).
 LEAST_MODE = 2e-2
-# Grid of s²/ν times the mean information on u, over which the covariance is averaged (chosen).
+# Grid of s²/ν times the mean information on u (no unit), over which the covariance is averaged
+# (design choice: 1e-4 to 1e4, because fields at its ends have no effect or explain everything).
 STRENGTHS = np.geomspace(1e-4, 1e4, 41)
-# Information added to each block, as a share of the mean over the blocks: an edge does not
-# constrain the displacement along itself (chosen).
+# Information added to each block, as a share of the mean over the blocks (no unit; design choice:
+# 0.02, because an edge does not constrain the displacement along itself).
 LEAST_INFORMATION = 0.02
-# Least share of the blocks' squared disagreement that remains unexplained by a field (chosen).
+# Least share of the squared disagreement of the blocks that a field leaves unexplained (no unit;
+# design choice: 0.05, because many modes may explain it by chance).
 LEAST_REST = 0.05
-# Least degrees of freedom of the blocks' disagreement; above 2 its variance is finite (chosen).
+# Least number of degrees of freedom of the disagreement of the blocks (design choice: 4, because
+# above 2 its variance is finite).
 LEAST_FREEDOM = 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class BlockSums:
     """
-    A least-squares problem, split into blocks of road.
+    Matrix and gradient of a least-squares problem, for each block of road.
 
     Attributes
     ----------
-    parts : (blocks, p, p) float64
+    matrices : (blocks, p, p) float64
         A_b, symmetric.
-    pulls : (blocks, p) float64
+    gradients : (blocks, p) float64
         g_b at the estimate.
-    whole : (p, p) float64
+    total : (p, p) float64
         Sum of A_b and of the prior.
     prior : (p,) float64
         Information of the prior on each unknown, for residuals of unit variance.
 
     """
 
-    parts: Floats
-    pulls: Floats
-    whole: Floats
+    matrices: Floats
+    gradients: Floats
+    total: Floats
     prior: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class SharedErrors:
     """
-    Errors of a match that the matches after it share.
+    Errors of a match that later matches share.
 
     Attributes
     ----------
     covariance : (3, 3) float64
-        Of x, y (m) and yaw (rad) in the axes of the pose.
+        Covariance of x, y (m) and yaw (rad) in the axes of the pose.
     level : ErrorLevel
-        The level of the drive after this match.
+        Level of the drive after this match.
 
     """
 
@@ -92,12 +98,12 @@ class SharedErrors:
 
 class SmoothErrors:
     """
-    The fields of a view.
+    Smooth fields of displacement over a view.
 
     Parameters
     ----------
     centres : (blocks, 2) float64
-        Middles of the blocks in base, metres.
+        Centres of the blocks in base, metres.
     camera : (3,) float64
         Position of the camera in base, metres.
 
@@ -106,7 +112,7 @@ class SmoothErrors:
     def __init__(self, centres: Floats, camera: Floats) -> None:
         sides = np.maximum(np.ptp(centres, axis=0), 1e-6)
         side = math.sqrt(float(sides[0] * sides[1]))
-        self._apart = LENGTHS[0] * side
+        self._min_distance = LENGTHS[0] * side
         levers = (centres - camera[:2]) / camera[2]
         levers /= max(math.sqrt(0.5 * float((levers**2).sum(axis=1).mean())), 1e-9)
         self._fields = [
@@ -115,16 +121,16 @@ class SmoothErrors:
 
     def shared(self, sums: BlockSums, level: ErrorLevel, place: Pose2) -> SharedErrors:
         """
-        Return the errors of a match.
+        Return the smooth errors of a match.
 
         Parameters
         ----------
         sums : BlockSums
-            The match.
+            The least-squares problem of the match.
         level : ErrorLevel
-            Of the frames before.
+            Level of earlier frames.
         place : Pose2
-            Base in map.
+            Pose of base in map.
 
         """
         blocks = _Whitened(sums)
@@ -135,10 +141,10 @@ class SmoothErrors:
         weights /= weights.sum()
         covariance = np.zeros((GEOMETRY, GEOMETRY))
         for fields, mean in zip(self._fields, (weights * variances).sum(axis=1), strict=True):
-            moved = np.linalg.solve(sums.whole, _pulled(sums.parts, fields))[:GEOMETRY]
-            covariance += mean * (moved @ moved.T)
+            shift = np.linalg.solve(sums.total, _field_gradient(sums.matrices, fields))[:GEOMETRY]
+            covariance += mean * (shift @ shift.T)
         return SharedErrors(
-            covariance, level.after(weights, variances, place, apart=self._apart)
+            covariance, level.after(weights, variances, place, min_distance=self._min_distance)
         )
 
 
@@ -146,25 +152,25 @@ class _Whitened:
     """The blocks' gradients, transformed so that each independent error has variance ν."""
 
     def __init__(self, sums: BlockSums) -> None:
-        parts = sums.parts[:, :2, :2]
-        information = 0.5 * np.trace(parts, axis1=1, axis2=2)
+        of_xy = sums.matrices[:, :2, :2]
+        information = 0.5 * np.trace(of_xy, axis1=1, axis2=2)
         least = LEAST_INFORMATION * max(float(information.mean()), 1e-30)
-        values, axes = np.linalg.eigh(parts + least * np.eye(2))
+        values, axes = np.linalg.eigh(of_xy + least * np.eye(2))
         turn = (axes / np.sqrt(np.maximum(values, 0.5 * least))[:, None, :]).swapaxes(1, 2)
-        self._to_fields = turn @ parts
-        pulls = (turn @ sums.pulls[:, :2, None]).ravel()
-        unknowns = sums.parts.shape[1]
-        self._design = (turn @ sums.parts[:, :2, :]).reshape(-1, unknowns)
+        self._to_fields = turn @ of_xy
+        gradients = (turn @ sums.gradients[:, :2, None]).ravel()
+        unknowns = sums.matrices.shape[1]
+        self._design = (turn @ sums.matrices[:, :2, :]).reshape(-1, unknowns)
         counted = 2 * int(np.count_nonzero(information > 0.05 * least))
         self._freedom = max(counted - unknowns, LEAST_FREEDOM)
-        spread = float(pulls @ pulls) / max(counted, 1)
+        spread = float(gradients @ gradients) / max(counted, 1)
         normal = self._design.T @ self._design
         ridge = 1e-9 * np.diag(normal) + 1e-12
-        self._held = np.linalg.inv(normal + np.diag(spread * sums.prior + ridge))
-        self._pulls = pulls
-        gradient = self._design.T @ pulls
-        self._estimate = self._held @ gradient
-        self._squares = max(float(pulls @ pulls - gradient @ self._estimate), 1e-30)
+        self._inverse = np.linalg.inv(normal + np.diag(spread * sums.prior + ridge))
+        self._gradients = gradients
+        gradient = self._design.T @ gradients
+        self._estimate = self._inverse @ gradient
+        self._squares = max(float(gradients @ gradients - gradient @ self._estimate), 1e-30)
 
     def strengths(self, fields: Floats) -> tuple[Floats, Floats]:
         """
@@ -176,10 +182,10 @@ class _Whitened:
             F.
 
         """
-        columns = (self._to_fields @ fields).reshape(len(self._pulls), -1)
+        columns = (self._to_fields @ fields).reshape(len(self._gradients), -1)
         crossed = self._design.T @ columns
-        normal = columns.T @ columns - crossed.T @ self._held @ crossed
-        gradient = columns.T @ self._pulls - crossed.T @ self._estimate
+        normal = columns.T @ columns - crossed.T @ self._inverse @ crossed
+        gradient = columns.T @ self._gradients - crossed.T @ self._estimate
         values, axes = np.linalg.eigh(normal)
         values = np.maximum(values, 0.0)
         along = (axes.T @ gradient) ** 2
@@ -202,8 +208,8 @@ def _modes(centres: Floats, length: float) -> Floats:
 
 
 def _correlation(a: Floats, b: Floats, length: float) -> Floats:
-    apart = ((a[:, None] - b[None]) ** 2).sum(axis=-1)
-    return np.asarray(np.exp(-0.5 * apart / length**2))
+    distance_sq = ((a[:, None] - b[None]) ** 2).sum(axis=-1)
+    return np.asarray(np.exp(-0.5 * distance_sq / length**2))
 
 
 def _displacements(modes: Floats, levers: Floats) -> Floats:
@@ -215,7 +221,7 @@ def _displacements(modes: Floats, levers: Floats) -> Floats:
     ], axis=2)
 
 
-def _pulled(parts: Floats, fields: Floats) -> Floats:
+def _field_gradient(matrices: Floats, fields: Floats) -> Floats:
     """Return the gradient (p, k) caused by unit fields."""
-    columns = parts[:, :2, :].reshape(-1, parts.shape[2])
+    columns = matrices[:, :2, :].reshape(-1, matrices.shape[2])
     return np.asarray(columns.T @ fields.reshape(len(columns), -1))

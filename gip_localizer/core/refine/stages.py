@@ -17,21 +17,29 @@ from gip_localizer.core.match.downsampling import downsampled_view
 from gip_localizer.core.refine.blocks import Blocks, whole_blocks
 from gip_localizer.core.refine.edge_noise import PixelSteps
 
-# Per stage: cells averaged per side, largest number of steps (chosen).
+# Number of cells averaged per side, and largest number of steps, per stage (design choice: 4, 2,
+# 1, because larger cells widen the basin of convergence, and the last stage needs the most steps).
 STAGES = ((4, 6), (2, 6), (1, 12))
-# Steps of the first stage without outlier rejection, while misalignment dominates (chosen).
+# Number of steps of the first stage without outlier rejection (design choice: 2, because before
+# them misalignment looks like outliers).
 PLAIN_STEPS = 2
-# Least variance of the residuals, in units of the noise model's, for outlier rejection (chosen).
+# Least variance of the residuals that outlier rejection assumes, in units of the variance of the
+# noise model (design choice: 0.5, because smaller residuals are so by chance).
 LEAST_SCALE_SQ = 0.5
-# Sides (m ahead, m left) of the blocks within which residuals count as correlated (chosen).
+# Sides (m ahead, m left) of the blocks within which residuals count as correlated (design choice:
+# 1 m and 0.5 m, because errors of paint and texture extend about as far).
 BLOCK_SIDES = (1.0, 0.5)
-# Least number of blocks along each axis; in small views the blocks are made smaller (chosen).
+# Least number of blocks along each axis, for which blocks are made smaller in small views (design
+# choice: 10, because a covariance from few blocks is uncertain).
 LEAST_BLOCKS = 10
-# Number of larger blocks along each axis from which only the larger blocks are used (chosen).
+# Least number of larger blocks along each axis for which they alone are used (measured: the
+# covariance needs seven, docs/accuracy.md).
 ENOUGH_BLOCKS = 7
-# Side (m) of the larger blocks, whose agreement with the map is judged as a whole (chosen).
+# Side (m) of the larger blocks, which agree or disagree with the map as a whole (measured: with
+# blocks of 1.4 x 1 m a small camera accepted an image of another place, docs/accuracy.md).
 PATTERN_SIDE = 1.0
-# Least number of averaged cells of a stage; a stage with fewer is skipped (chosen).
+# Least number of averaged cells of a stage, below which it is skipped (design choice: 200, because
+# a step from fewer cells may leave the basin of convergence).
 LEAST_CELLS = 200
 # Number of functions in the optical basis: u, v, u², u v, v².
 OPTICAL_TERMS = 5
@@ -75,7 +83,7 @@ class Stage:
 
     @property
     def block_centres(self) -> Floats:
-        """Middles (blocks, 2) of the blocks in base, metres."""
+        """Centres (blocks, 2) of the blocks in base, metres."""
         x, y = self.suspension.x, self.suspension.y
         sums = self.blocks.products(np.ones((1, len(x)), np.float32),
                                     np.stack([x, y, np.ones_like(x)]))[:, 0]
@@ -101,15 +109,15 @@ class Stage:
 def _blocks(points: Floats, grid: Grid) -> Blocks:
     extent = (grid.rows * grid.resolution, grid.cols * grid.resolution)
     ahead, left = (min(s, e / LEAST_BLOCKS) for s, e in zip(BLOCK_SIDES, extent, strict=True))
-    joined = (whole_blocks(ahead, PATTERN_SIDE), whole_blocks(left, PATTERN_SIDE))
-    larger = ahead * joined[0], left * joined[1]
+    per_larger = (whole_blocks(ahead, PATTERN_SIDE), whole_blocks(left, PATTERN_SIDE))
+    larger = ahead * per_larger[0], left * per_larger[1]
     if all(e >= ENOUGH_BLOCKS * side for e, side in zip(extent, larger, strict=True)):
         return Blocks(points[:, 0], points[:, 1], larger, (1, 1))
-    return Blocks(points[:, 0], points[:, 1], (ahead, left), joined)
+    return Blocks(points[:, 0], points[:, 1], (ahead, left), per_larger)
 
 
 def optical_basis(camera: CameraModel, points: Floats) -> Floats:
-    """Smooth functions (5, n) of the pixels that see road points, of order one, mean zero."""
+    """Return smooth functions (5, n) of the pixels that see road points, of order 1, mean 0."""
     uv, _ = camera.project(points.astype(np.float64))
     u = uv[:, 0] / (0.5 * camera.width) - 1.0
     v = uv[:, 1] / (0.5 * camera.width) - camera.height / camera.width
