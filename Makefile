@@ -68,7 +68,7 @@ fit-protection: $(READY) ## fit the tails of the protection level again (10 minu
 error-level: $(READY) ## consistency of the covariances for settings of the error level (10 minutes)
 	@$(VENV)/bin/python -m gip_localizer.evaluation.error_level_study
 
-sensitivity: $(READY) ## write docs/constants.md: the effect of each constant of matching (20 minutes)
+sensitivity: $(READY) ## write docs/constants.md: the effect of each constant of matching (10 minutes)
 	@$(VENV)/bin/python -m gip_localizer.evaluation.sensitivity
 
 test: lint ## all checks; mypy runs in parallel with the tests

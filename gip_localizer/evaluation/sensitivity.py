@@ -4,7 +4,7 @@
 What the constants of matching and refinement are worth, run by `make sensitivity`.
 
 Each constant is multiplied by `FACTORS`, and the same frames are matched again: development worlds
-of every condition, which no reported number uses. A constant whose change has no effect is a
+of four conditions, which no reported number uses. A constant whose change has no effect is a
 matter of robustness or time; one with an effect is at its best value, or the table shows that it
 is not.
 
@@ -27,13 +27,14 @@ from gip_localizer import core
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.threads import use_one_thread
-from gip_localizer.evaluation.suites.conditions import CONDITIONS
+from gip_localizer.evaluation.suites.conditions import CARS, CHANGED, CLEAR, SHADOWS
 from gip_localizer.evaluation.suites.trials import Bench, Spread
 from gip_localizer.synthetic.drive import SyntheticFrame
 
 Value = float | int | tuple['Value', ...]
 FACTORS = (0.7, 1.4)
 ROOMS = ('refine', 'search')
+CONDITIONS = (CLEAR, SHADOWS, CARS, CHANGED)  # those in which the constants matter
 SEED, FRAMES = 7401, 3  # of the world, and of each condition
 ROOT = Path(core.__file__).parent
 PAGE = Path(core.__file__).parents[2] / 'docs' / 'constants.md'
@@ -178,9 +179,9 @@ def _page(usual: Floats, rows: list[str]) -> str:
     return '\n'.join([
         '# Constants of matching and refinement', '',
         'Written by `make sensitivity`. Each constant is multiplied by '
-        f'{low:g} and {high:g}; then {FRAMES} frames of each of the {len(CONDITIONS)} conditions '
-        f'of `gip evaluate --suite conditions` are matched again (world {SEED}, which no reported '
-        'number uses). The columns give the root mean square error of the position, the mean NEES '
+        f'{low:g} and {high:g}; then {FRAMES} frames of each of the conditions '
+        f'{", ".join(c.name for c in CONDITIONS)} of `gip evaluate` are matched again (world {SEED}, '
+        'which no reported number uses). The columns give the root mean square error of the position, the mean NEES '
         f'and the share of published poses; unchanged they are {_cells(usual)}.', '',
         f'| constant | value | meaning | times {low:g} | times {high:g} |',
         '| --- | --- | --- | --- | --- |', *rows, '',
