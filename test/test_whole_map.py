@@ -21,9 +21,9 @@ from gip_localizer.core.match.pyramid.coarse_to_fine import pyramid_modes
 from gip_localizer.core.match.score_surface import Scores
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.search import whole_map
-from gip_localizer.core.search.global_search import coarse_places, KEPT, looked_around, WITHIN
-from gip_localizer.core.search.local_search import SearchResult
+from gip_localizer.core.search.global_search import coarse_places, KEPT, with_surroundings, WITHIN
 from gip_localizer.core.search.map_crops import MapCrops
+from gip_localizer.core.search.search_result import SearchResult
 from gip_localizer.core.search.whole_map import average_map
 from gip_localizer.parameters import Parameters
 
@@ -125,7 +125,7 @@ def test_the_best_place_wins_whatever_a_look_around_the_first_finds(again, wins)
         looks.append(pose)
         return None if again is None else result_at(places['aside'], again, pose)
 
-    best, second = looked_around([first, other], look)
+    best, second = with_surroundings([first, other], look)
     assert looks == [places['first']]
     assert best.fits[0].pose == places[wins]
     assert second is other

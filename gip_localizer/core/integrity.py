@@ -27,7 +27,7 @@ from gip_localizer.core.estimate import Match, Status
 from gip_localizer.core.match_figures import match_figures
 from gip_localizer.core.pose import difference
 from gip_localizer.core.refine.fit import Fit
-from gip_localizer.core.search.local_search import SearchResult
+from gip_localizer.core.search.search_result import SearchResult
 from gip_localizer.parameters import Parameters
 
 # Least margin (no unit) of a match that no earlier fix supports (measured: it withholds all wrong
@@ -113,10 +113,10 @@ def judge(
     fit = found.fits[0]
     quality.update(match_figures(match, found, parameters.camera_motion))
     expected = prior is not None and _confirmed_by(fit, prior)
-    if not expected and found.lies_beyond:
+    if not expected and found.lies_outside:
         return Verdict(Status.NO_MATCH, (
-            f'the match lies {found.beyond:.2f} m outside the searched window: the prior is '
-            'wrong; give it a larger covariance, or widen search.x and search.y'
+            f'the match lies {found.distance_outside:.2f} m outside the searched window: the '
+            'prior is wrong; give it a larger covariance, or widen search.x and search.y'
         ), fit, quality)
     status, reason = _decide(quality, fit, parameters, expected=expected)
     return Verdict(status, reason, fit, quality, expected=expected)

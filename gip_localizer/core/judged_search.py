@@ -14,7 +14,7 @@ from gip_localizer.core.belief import Belief
 from gip_localizer.core.estimate import Status
 from gip_localizer.core.integrity import judge, Verdict
 from gip_localizer.core.search.frame_search import FrameSearch
-from gip_localizer.core.search.local_search import SearchResult
+from gip_localizer.core.search.search_result import SearchResult
 from gip_localizer.core.track.track_state import TrackState
 from gip_localizer.parameters import Parameters
 

@@ -13,7 +13,7 @@ from gip_localizer.core.confidence_terms import OFFSET, TERMS
 from gip_localizer.core.estimate import Match
 from gip_localizer.core.match.posterior import independent_cells
 from gip_localizer.core.refine.fit import Fit, SAME_PLACE
-from gip_localizer.core.search.local_search import SearchResult
+from gip_localizer.core.search.search_result import SearchResult
 from gip_localizer.core.search.window import SearchWindow
 from gip_localizer.parameters import CameraMotion
 

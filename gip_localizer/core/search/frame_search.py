@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Steps 3 and 4 of one frame: near a belief, in the window about it, or on the whole map."""
+"""Steps 3 and 4 of one frame: around a belief, in a small or a large window, or on the map."""
 
 from __future__ import annotations
 
@@ -15,41 +15,45 @@ from gip_localizer.core.refine.fit import Fit, SAME_PLACE
 from gip_localizer.core.refine.observation import FrameErrors
 from gip_localizer.core.refine.refiner import Refiner
 from gip_localizer.core.search.global_search import global_search
-from gip_localizer.core.search.local_search import around_winner, search_window, SearchResult
+from gip_localizer.core.search.local_search import search_window
 from gip_localizer.core.search.map_crops import MapCrops
+from gip_localizer.core.search.search_result import around_winner, SearchResult
 from gip_localizer.core.search.window import (
     configured_window,
     equal_places_window,
     first_fix_window,
-    MOST_REACH,
+    MAX_REACH,
     SearchWindow,
     tracking_window,
 )
 from gip_localizer.parameters import Parameters
 
-# Share of the best fit score from which a place outside the window is its equal: on a road of
-# dashes 6 m apart the next dash has 0.99; with an arrow in view 0.76 to 0.89.
+# Share of the best fit score (no unit) above which a place outside the window equals the match
+# (measured: on a road of dashes every 6 m the next dash has 0.99; with an arrow in view 0.76 to
+# 0.89).
 EQUAL_SHARE = 0.9
-CANDIDATE_SHARE = 0.73  # of a fit score, from which a coarsely found place is searched around
+# Share of the fit score of the match (no unit) above which a place found on coarse cells is
+# searched again (design choice: 0.73, the limit on competitors of `integrity`).
+CANDIDATE_SHARE = 0.73
 
 
 @dataclass(frozen=True, eq=False)
 class FrameSearch:
     """
-    The search of one frame.
+    Searches of one frame.
 
     Attributes
     ----------
     match : Match
-        View and weights.
+        View and weights of the frame.
     crops : MapCrops
-        Of the map.
+        Parts of the map.
     refiner : Refiner
-        For the view's calibration.
+        Refiner of the calibration of the view.
     parameters : Parameters
-        Windows, metric, recovery.
+        Windows, metric and search of the whole map.
     errors : FrameErrors
-        What is known of them before the match.
+        Known errors of the frame.
 
     """
 
@@ -60,19 +64,21 @@ class FrameSearch:
     errors: FrameErrors
 
     def near(self, prior: Belief) -> SearchResult | None:
-        """Search what a belief that fixes confirm leaves open; None off the map."""
+        """Search the small window around a confirmed belief; None if it is outside the map."""
         return self._within(prior, tracking_window(prior, self.parameters))
 
     def about(self, prior: Belief, *, fresh: bool) -> SearchResult | None:
         """
-        Search the window about a belief, and around a match outside it; None off the map.
+        Search the window around a belief, and around a match outside it.
+
+        Returns None if the window is outside the map.
 
         Parameters
         ----------
         prior : Belief
-            The window's middle.
+            Belief at the centre of the window.
         fresh : bool
-            It is from outside, and its covariance may widen the window.
+            The belief is an initial pose, whose covariance may widen the window.
 
         """
         extent = (first_fix_window if fresh else configured_window)(prior, self.parameters)
@@ -83,7 +89,7 @@ class FrameSearch:
         return around_winner(search(prior.pose), search)
 
     def everywhere(self, stamp_ns: int) -> SearchResult | None:
-        """Search the whole map; None where no place matches at all."""
+        """Search the whole map; None if no place overlaps it."""
         return global_search(
             self.match.view, self.match.weight, self.crops, stamp_ns, self.parameters,
             refiner=self.refiner, errors=self.errors,
@@ -93,24 +99,24 @@ class FrameSearch:
         self, found: SearchResult, prior: Belief, reach: float
     ) -> SearchResult:
         """
-        Return a search with the places that match as well, wherever the vehicle may be.
+        Return a result with the equally good places within reach of the vehicle.
 
-        A place that matches better takes the place of the best fit.
+        A place that matches better becomes the best fit.
 
         Parameters
         ----------
         found : SearchResult
-            A search with at least one fit.
+            A result with at least one fit.
         prior : Belief
-            Prediction at the frame's stamp.
+            Prediction at the stamp of the frame.
         reach : float
-            Distance from it (m) at which the vehicle may be. Beyond `MOST_REACH` only the
-            surroundings of the best fit are searched.
+            Distance (m) from the prediction within which the vehicle may be. Above `MAX_REACH`
+            only the surroundings of the best fit are searched.
 
         """
         half, middle = reach, prior.pose
-        if reach > MOST_REACH:
-            half, middle = MOST_REACH, found.fits[0].pose
+        if reach > MAX_REACH:
+            half, middle = MAX_REACH, found.fits[0].pose
         window = equal_places_window(half, self.parameters)
         spread = np.diag([half**2, half**2, window.yaw**2])
         wide = self._within(Belief(prior.stamp_ns, middle, spread), window)
@@ -121,7 +127,7 @@ class FrameSearch:
                 searches.append(again)
         best = max(searches, key=lambda search: search.fits[0].fit_score)
         winner = best.fits[0]
-        return best.beside([
+        return best.with_fits([
             fit for fit in (search.fits[0] for search in searches)
             if fit.distance(winner) > SAME_PLACE
             and fit.fit_score > EQUAL_SHARE * winner.fit_score
@@ -136,7 +142,7 @@ class FrameSearch:
 
 
 def _other_places(found: SearchResult, fits: list[Fit]) -> list[Pose2]:
-    """Return the places, each once, that match nearly as well and were not yet compared."""
+    """Return the places, each once, that match nearly as well and are not among the fits."""
     least = CANDIDATE_SHARE * found.fits[0].fit_score
     known = list(found.fits)
     places: list[Pose2] = []

@@ -22,22 +22,39 @@ from gip_localizer.core.refine.observation import FrameErrors
 from gip_localizer.core.refine.refiner import Refiner
 from gip_localizer.core.search.hypotheses import COMPETITOR_SHARE
 from gip_localizer.core.search.local_search import (
-    around_winner,
     coarse_factor,
     lattice_scores,
     search_window,
-    SearchResult,
 )
 from gip_localizer.core.search.map_crops import MapCrops
+from gip_localizer.core.search.search_result import around_winner, SearchResult
 from gip_localizer.core.search.window import SearchWindow
 from gip_localizer.parameters import Parameters
 
-MAX_CELLS = 400_000  # coarse map cells; a larger map is searched on larger cells
-CANDIDATES = 12  # places of the largest cells that are compared on smaller ones; chosen
-MOST_SEARCHED = 6  # of them that are searched to the end, those that look most alike
-KEPT = (64, 32)  # modes of the largest cells and below: 11 of 14 frames among cars, 9 with half
-WITHIN = 0.6  # over the best of them, as a share of its depth
-LOCAL_COVARIANCE = np.eye(3)  # m^2, rad^2: local searches hardly use the coarse pose as a prior
+# Largest number of coarse cells of a map (design choice: 400,000, because the search of more takes
+# many seconds); a larger map is searched on larger cells.
+MAX_CELLS = 400_000
+# Number of places of the largest cells that are compared on smaller ones (measured: among cars
+# twelve places contain the true one in 11 of 14 frames, docs/accuracy.md).
+CANDIDATES = 12
+# Largest number of these places that are searched to the end, the most similar first (measured: it
+# bounds the time of a search in which no place fits, and changes nothing else, docs/accuracy.md).
+MAX_SEARCHED = 6
+# Number of modes that are kept of the largest cells, and of each level below (measured: 11 of 14
+# frames among cars are found, 9 with half as many).
+KEPT = (64, 32)
+# Largest residual of a kept mode above the best one, as a share of the depth of the best (no unit;
+# design choice: 0.6, because among cars the true place is far from the best on large cells).
+WITHIN = 0.6
+# Covariance (m², rad²) of the prior of a local search (design choice: 1, because a coarse pose
+# must hardly constrain it).
+LOCAL_COVARIANCE = np.eye(3)
+# Half-width of a local search, in cells and in steps of heading of the coarse search (design
+# choice: 1.5 and 1.2, because the true place may lie one cell or step away).
+LOCAL_CELLS, LOCAL_YAWS = 1.5, 1.2
+# Distance (cells) and angle (rad) below which two coarse places are one (design choice: 2.5 and
+# 0.1, because one mode has several maxima on large cells).
+SAME_CELLS, SAME_YAW = 2.5, 0.1
 
 
 def global_search(
@@ -47,22 +64,22 @@ def global_search(
     """
     Find the view anywhere on the map, at any heading.
 
-    Only places that look nearly as good on the lattice as the best are searched to the end.
+    Only places whose correlation on the lattice is nearly the best are searched to the end.
 
     Returns
     -------
     SearchResult or None
-        The best local search, with the winner's mass taken over all of them; None where the map
-        and the view share nothing.
+        Result of the best local search, with the posterior mass of its winner among all of them;
+        None if view and map do not overlap.
 
     """
     places = coarse_places(view, weight, crops, parameters)
     if not places:
         return None
     normalized = parameters.score.normalized
-    side = 1.5 * places[0].step
+    side = LOCAL_CELLS * places[0].step
     extent = SearchWindow(
-        side, side, 1.2 * parameters.recovery.yaw_step, parameters.search.yaw_step,
+        side, side, LOCAL_YAWS * parameters.recovery.yaw_step, parameters.search.yaw_step,
         parameters.score.min_overlap,
     )
 
@@ -79,25 +96,25 @@ def global_search(
     ]
     ranked = sorted(zip(likeness, places, strict=True), key=lambda pair: -pair[0])
     searches = [
-        searched(place.pose) for alike, place in ranked[:MOST_SEARCHED]
+        searched(place.pose) for alike, place in ranked[:MAX_SEARCHED]
         if alike >= COMPETITOR_SHARE * ranked[0][0]
     ]
-    found = _one_each([f for f in searches if f is not None])
+    found = _one_per_place([f for f in searches if f is not None])
     if not found:
         return None
-    return _with_competitors(looked_around(found, searched), independent_cells(weight))
+    return _with_competitors(with_surroundings(found, searched), independent_cells(weight))
 
 
-def looked_around(
+def with_surroundings(
     found: list[SearchResult], search: Callable[[Pose2], SearchResult | None]
 ) -> list[SearchResult]:
     """
-    Look around the first place where its fit lies beyond what was compared with it.
+    Search again around the first place if its fit lies outside its window.
 
     Returns
     -------
     list of SearchResult
-        Best first: the look may find less than another place has.
+        Best first: the second search may end at a worse place than another search.
 
     """
     first = around_winner(found[0], search) or found[0]
@@ -108,23 +125,23 @@ def _fit_score(found: SearchResult) -> float:
     return found.fits[0].fit_score
 
 
-def _one_each(searches: list[SearchResult]) -> list[SearchResult]:
-    """Of searches that end at one place, leave the one that looked around it; best first."""
+def _one_per_place(searches: list[SearchResult]) -> list[SearchResult]:
+    """Keep one of the searches that end at the same place, the most central; best first."""
     kept: list[SearchResult] = []
-    for found in sorted(searches, key=lambda search: search.beyond):
+    for found in sorted(searches, key=lambda search: search.distance_outside):
         if all(found.fits[0].distance(other.fits[0]) > SAME_PLACE for other in kept):
             kept.append(found)
     return sorted(kept, key=_fit_score, reverse=True)
 
 
 def _likeness(scores: Scores) -> float:
-    """Best correlation of a window; 0 where nothing overlaps the map enough."""
+    """Return the best correlation of a window; 0 if nothing overlaps the map enough."""
     return float(scores.correlation[np.isfinite(scores.residual)].max(initial=0.0))
 
 
 @dataclass(frozen=True)
 class Place:
-    """A coarse candidate: its residual, its pose, and the side of the cells it is from, m."""
+    """A coarse candidate: its residual, its pose, and the side of its cells, m."""
 
     residual: float
     pose: Pose2
@@ -145,21 +162,24 @@ def coarse_places(
         level, normalized=normalized, min_overlap=parameters.score.min_overlap, count=CANDIDATES,
         kept=KEPT, within=WITHIN,
     )
-    return _apart([Place(residual, pose, step) for residual, pose in found])
+    return _distinct([Place(residual, pose, step) for residual, pose in found])
 
 
-def _apart(places: list[Place]) -> list[Place]:
-    """Leave out places next to better ones."""
+def _distinct(places: list[Place]) -> list[Place]:
+    """Return the places without those next to better ones."""
     kept: list[Place] = []
     for place in places:
         gaps = (difference(place.pose, other.pose) for other in kept)
-        if all(np.hypot(gap[0], gap[1]) > 2.5 * place.step or abs(gap[2]) > 0.1 for gap in gaps):
+        if all(
+            np.hypot(gap[0], gap[1]) > SAME_CELLS * place.step or abs(gap[2]) > SAME_YAW
+            for gap in gaps
+        ):
             kept.append(place)
     return kept
 
 
 def _with_competitors(found: list[SearchResult], cells: float) -> SearchResult:
-    """Return the best local search with the other places; their mass is taken from its winner."""
+    """Return the best result with the other places, which reduce the mass of its winner."""
     best = found[0]
     winner = best.fits[0]
     competitors = [f.fits[0] for f in found[1:] if f.fits[0].distance(winner) > SAME_PLACE]
@@ -170,4 +190,4 @@ def _with_competitors(found: list[SearchResult], cells: float) -> SearchResult:
     mass = 1.0 / (1.0 + sum(evidence))
     assert best.surface is not None
     surface = replace(best.surface, winner_mass=best.surface.winner_mass * mass)
-    return replace(best.beside(competitors), surface=surface)
+    return replace(best.with_fits(competitors), surface=surface)

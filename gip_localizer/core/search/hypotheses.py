@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Where refinements start: the modes of the lattice's posterior."""
+"""Initial poses of the refinement: the modes of the posterior on the lattice."""
 
 from __future__ import annotations
 
@@ -12,15 +12,24 @@ from gip_localizer.core.match.posterior import PosteriorSurface, subcell_peak
 from gip_localizer.core.match.score_surface import Scores
 from gip_localizer.core.pose import Pose2
 
-MOST_COMPETITORS = 2  # competitors that are always refined; chosen
-COMPETITOR_SHARE = 0.6  # least share of the best lattice correlation of a competitor
-NEAR_TIE_SHARE, MOST_NEAR_TIES = 0.9, 6  # the same of a near tie, and how many are refined
-COMPETITOR_DISTANCE = 0.3  # m, least distance of a competitor from the winner
+# Number of competitors that are always refined (design choice: 2, because each takes
+# milliseconds).
+MOST_COMPETITORS = 2
+# Least correlation of a competitor, as a share of the best on the lattice (no unit; design choice:
+# 0.6, because weaker places do not come near the fit score of the best).
+COMPETITOR_SHARE = 0.6
+# Least correlation of a near tie, as the same share (no unit), and largest number of near ties
+# that are refined (measured: on repeated ground one of 500 matches was published wrongly with two
+# places examined, and none of 400 with up to eight, docs/accuracy.md).
+NEAR_TIE_SHARE, MOST_NEAR_TIES = 0.9, 6
+# Least distance (m) of a competitor from the winner (design choice: 0.3 m, because nearer modes of
+# the lattice lead to the same fit).
+COMPETITOR_DISTANCE = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """A mode of the lattice's posterior."""
+    """A mode of the posterior on the lattice, for one pitch of the camera (rad)."""
 
     scores: Scores
     surface: PosteriorSurface
@@ -46,18 +55,18 @@ class Hypothesis:
 
 def competitors(hypotheses: list[Hypothesis], winner: Pose2) -> list[Hypothesis]:
     """
-    Return places that look nearly as good on the lattice as the winner: two, or more near ties.
+    Return places with nearly the correlation of the winner: two, or more if they are near ties.
 
-    The posterior cannot decide it: it does not know what the lattice's coarse cells cost a place
-    that lies between them.
+    The posterior cannot exclude them: it does not include the loss of correlation of a place
+    between the coarse cells of the lattice.
 
     """
     best = max(start.correlation for start in hypotheses)
     found: list[Hypothesis] = []
     for start in hypotheses:
         others = [winner, *(other.pose for other in found)]
-        apart = [math.hypot(start.pose.x - p.x, start.pose.y - p.y) for p in others]
-        if start.correlation > COMPETITOR_SHARE * best and min(apart) > COMPETITOR_DISTANCE:
+        distances = [math.hypot(start.pose.x - p.x, start.pose.y - p.y) for p in others]
+        if start.correlation > COMPETITOR_SHARE * best and min(distances) > COMPETITOR_DISTANCE:
             found.append(start)
     near_ties = [other for other in found if other.correlation > NEAR_TIE_SHARE * best]
     return list(dict.fromkeys(found[:MOST_COMPETITORS] + near_ties[:MOST_NEAR_TIES]))

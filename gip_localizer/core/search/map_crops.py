@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Parts of the map about the vehicle, kept while it stays near.
+Parts of the map around the vehicle, which are kept for later frames.
 
-Boxes are snapped to a coarse grid, so that which part serves a place depends on the place alone
-and not on the way there, and a vehicle cuts a new one every few frames only.
+Boxes are snapped to a coarse grid, so that the part depends only on the place and not on the way
+to it, and so that a vehicle needs a new part only every few frames.
 
 """
 
@@ -23,11 +23,15 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.core.search.whole_map import average_map, WholeMap
 from gip_localizer.core.search.window import SearchWindow
 
-SNAP = 1.6  # grid to which boxes are snapped, m; chosen
-KEPT = 4  # parts that are kept; chosen
-BEYOND = 0.5  # margin around the window for the steps of the refinement, m; chosen
-
-
+# Step (m) of the grid to which boxes are snapped (design choice: 1.6 m, because a vehicle then
+# needs a new part only every few frames).
+SNAP = 1.6
+# Number of parts that are kept (design choice: 4, for the cell sizes of one place and the last
+# one).
+KEPT = 4
+# Margin (m) around the window (design choice: 0.5 m, because the steps of the refinement may leave
+# the window).
+MARGIN = 0.5
 
 
 class MapCrops:
@@ -56,27 +60,27 @@ class MapCrops:
 
     def about(self, grid: Grid, pose: Pose2, extent: SearchWindow, cell: float) -> Crop | None:
         """
-        Return the part that any candidate of a window may touch.
+        Return the part of the map that contains the view at every candidate of a window.
 
         Parameters
         ----------
         grid : Grid
-            Of the view.
+            Grid of the view.
         pose : Pose2
-            Middle of the window, base in map.
+            Pose of base in map at the centre of the window.
         extent : SearchWindow
             Size of the window.
         cell : float
-            Side of the cells (m) that will be compared with it.
+            Side (m) of the cells that will be compared with the part.
 
         Returns
         -------
         Crop or None
-            None where the window lies off the map.
+            None if the window is outside the map.
 
         """
         box = self.raster_map.box(
-            _touched(grid, pose, extent), margin=float(np.hypot(extent.x, extent.y)) + BEYOND,
+            _touched(grid, pose, extent), margin=float(np.hypot(extent.x, extent.y)) + MARGIN,
             cell=cell, snap=SNAP,
         )
         if box is None:
@@ -84,7 +88,7 @@ class MapCrops:
         key = (box, cell)
         if key not in self._kept:
             self._kept[key] = Crop(self.raster_map.cut(box, cell), cell)
-            self.raster_map.release()  # systems map much more of a file than is looked at
+            self.raster_map.release()  # the system maps more of a file than is used
             if len(self._kept) > KEPT:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(key)

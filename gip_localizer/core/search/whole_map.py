@@ -19,7 +19,9 @@ from gip_localizer.core.match.pyramid.level import Level
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.threads import check_end
 
-STRIP_CELLS = 4_000_000  # of the map that are averaged at once: 16 MB of float32
+# Number of cells of the map that are averaged at once (design choice: 4,000,000, which are 16 MB
+# of float32).
+STRIP_CELLS = 4_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +32,7 @@ class WholeMap:
     Attributes
     ----------
     middle : Pose2
-        Middle of the map, with the axes of its grid.
+        Centre of the map, with the axes of its grid.
     grid : Grid
         The cells, in the axes of `middle`; its edges are whole cells away from it.
     values : (rows, cols) float32
@@ -38,7 +40,7 @@ class WholeMap:
     known : (rows, cols) float32
         1 where the map holds data, 0 elsewhere.
     patterned : bool
-        Whether it is the pattern.
+        Whether the values are the pattern.
 
     """
 
@@ -52,8 +54,8 @@ class WholeMap:
         """
         Return the search of a view at every place and heading.
 
-        Of patterns, what is unknown counts as a road without pattern, which
-        explains nothing of a view; else as unknown.
+        If the values are patterns, unknown cells count as road without a pattern, which explains
+        nothing of a view; else they count as unknown.
 
         Parameters
         ----------
@@ -106,7 +108,7 @@ class WholeMap:
 
 def average_map(raster_map: RasterMap, cell: float, *, patterned: bool) -> WholeMap:
     """
-    Average a map to large cells, a strip at a time, so that no copy of it is held.
+    Average a map to large cells strip by strip, so that no copy of it is needed.
 
     Parameters
     ----------
@@ -115,7 +117,7 @@ def average_map(raster_map: RasterMap, cell: float, *, patterned: bool) -> Whole
     cell : float
         Side of the large cells, m.
     patterned : bool
-        True: keep the pattern alone.
+        True: keep only the pattern.
 
     """
     width, height = raster_map.size_m
@@ -133,7 +135,7 @@ def average_map(raster_map: RasterMap, cell: float, *, patterned: bool) -> Whole
         crop = raster_map.crop(middle.transform(strip.outline()), margin=0.0, cell=cell)
         if crop is not None:
             values[part], known[part] = map_window(crop, strip, middle)
-        raster_map.release()  # systems map much more of a file than is looked at
+        raster_map.release()  # the system maps more of a file than is used
     values *= known
     if patterned:
         values = locally_normalized(values, known, cell)
