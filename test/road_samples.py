@@ -18,6 +18,7 @@ from gip_localizer.synthetic.worlds import map_of, road_world
 ORIGIN = Pose2(5.0, -3.0, 0.5)
 PARAMETERS = Parameters.from_dict({
     'birdseye.near': 3.0, 'birdseye.far': 10.0, 'birdseye.half_width': 3.0,
+    'birdseye.resolution': 0.05,
 })
 
 

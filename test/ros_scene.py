@@ -30,7 +30,10 @@ START = Pose2(1.0, -0.5, 0.3)
 EXTRINSICS = Extrinsics(x=0.2, y=-0.1, z=1.2, roll=0.01, pitch=0.35, yaw=-0.02)
 INTRINSICS = np.array([[300.0, 0.0, 159.5], [0.0, 300.0, 119.5], [0.0, 0.0, 1.0]])
 CALIBRATION = Calibration(320, 240, INTRINSICS, np.array([-0.05, 0.01, 0.0, 0.0, 0.0]))
-VIEW = {'birdseye.near': 1.8, 'birdseye.far': 6.0, 'birdseye.half_width': 1.5}
+VIEW = {
+    'birdseye.near': 1.8, 'birdseye.far': 6.0, 'birdseye.half_width': 1.5,
+    'birdseye.resolution': 0.05,
+}
 SECOND = 1_000_000_000
 
 

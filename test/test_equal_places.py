@@ -73,6 +73,7 @@ def started(road: DashRoad, station: float, offset: float) -> Localizer:
     """A localizer whose prior is so many metres along the road from the truth."""
     localizer = Localizer(road.map, Parameters.from_dict({
         'birdseye.near': 3.0, 'birdseye.far': 10.0, 'birdseye.half_width': 3.0,
+        'birdseye.resolution': 0.05,
         'recovery.automatic': False,
     }))
     prior = at(station) @ Pose2(offset, 0.1, 0.01)

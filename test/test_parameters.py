@@ -130,7 +130,8 @@ def test_a_name_like_no_other_is_refused_without_a_guess():
     ('search.x', None, 'got None'),
     ('search.x', [1.0], r'got \[1\.0\]'),
     ('search.yaw_step', 0.0, 'from 0.0001 to 0.5 rad'),
-    ('birdseye.resolution', 0.0, 'from 0.001'),
+    ('birdseye.resolution', -0.05, 'from 0 to 2 m'),
+    ('birdseye.resolution', 0.0005, 'at least 0.001 m, or 0: automatic'),
     ('camera.z', 0.0, 'from 0.01'),
     ('camera.pitch', 90.0, 'rad'),
     ('score.metric', 'ssd', 'one of gip, gip_normalized, euclidean'),
@@ -147,11 +148,25 @@ def test_a_bad_value_is_refused_with_what_was_expected(name, value, expected):
     assert name in str(caught.value)
 
 
+VIEW = {
+    'birdseye.near': 2.5, 'birdseye.far': 12.5, 'birdseye.half_width': 4.0,
+    'birdseye.resolution': 0.05,
+}
+
+
+def test_a_value_of_the_view_is_automatic_where_it_is_zero():
+    assert Parameters().birdseye.automatic == ('near', 'far', 'half_width', 'resolution')
+    assert Parameters.from_dict({'birdseye.far': 8.0}).birdseye.automatic == (
+        'near', 'half_width', 'resolution'
+    )
+    assert Parameters.from_dict(VIEW).birdseye.automatic == ()
+
+
 @pytest.mark.parametrize(('values', 'word'), [
-    ({'birdseye.near': 13.0}, r'birdseye\.far .* must exceed birdseye\.near'),
-    ({'birdseye.far': 2.55}, 'at least two cells'),
+    ({**VIEW, 'birdseye.near': 13.0}, r'birdseye\.far .* must exceed birdseye\.near'),
+    ({**VIEW, 'birdseye.far': 2.55}, 'at least two cells'),
     ({'birdseye.half_width': 0.05, 'birdseye.resolution': 0.5}, 'half_width'),
-    ({'birdseye.resolution': 0.001}, 'more than 4e'),
+    ({**VIEW, 'birdseye.resolution': 0.001}, 'more than 4e'),
     ({'search.x': 1000.0, 'search.y': 1000.0}, 'candidates'),
     ({'search.yaw': 3.14, 'search.yaw_step': 0.0001, 'search.x': 30.0}, 'candidates'),
 ])

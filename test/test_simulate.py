@@ -56,6 +56,7 @@ def test_map_and_parameters_lie_beside_the_bag(drive):
     assert read.lens.width == 640
     held = asdict(parameters.camera)
     assert held.pop('from_tf') is False
+    assert held.pop('sigma_yaw') == 0.0
     assert asdict(read.camera) == held
 
 

@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 
 from gip_localizer.benchmark.rows import compared_row, interleaved, median, Row, spread
-from gip_localizer.benchmark.scene import BIRDSEYE, camera
+from gip_localizer.benchmark.scene import camera
 from gip_localizer.core.birdseye.rectifier import Rectifier
+from gip_localizer.synthetic.localizer_parameters import CAR_VIEW
 
 BASELINE = 'cv2.warpPerspective(INTER_LINEAR)'
 
@@ -19,7 +20,7 @@ BASELINE = 'cv2.warpPerspective(INTER_LINEAR)'
 def rectify_suite(rounds: int) -> tuple[list[Row], dict[str, Any]]:
     """Return the row, and the noise of the cells relative to its law (paper, SNR)."""
     model = camera()
-    rectifier = Rectifier(model, BIRDSEYE)
+    rectifier = Rectifier(model, CAR_VIEW)
     grid = rectifier.grid
     image = np.random.default_rng(0).integers(0, 256, (model.height, model.width), np.uint8)
     near = grid.far - grid.rows * grid.resolution

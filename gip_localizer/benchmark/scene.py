@@ -25,16 +25,15 @@ from gip_localizer.core.match.lattice import (
 from gip_localizer.core.match.pyramid.level import Level
 from gip_localizer.core.pose import Pose2
 from gip_localizer.parameters import Birdseye
+from gip_localizer.synthetic.localizer_parameters import CAR_VIEW
 from gip_localizer.synthetic.worlds import road_world
 
-CELL = 0.05
-"""Side of a cell of map and view, metres: the default of `birdseye.resolution`."""
+CELL = CAR_VIEW.resolution
+"""Side of a cell of map and view, metres."""
 PIXEL_NOISE = 0.02
 """Standard deviation of the noise of a pixel, grey levels of [0, 1]; chosen."""
 MAP_NOISE = 0.02
 """Standard deviation of the noise of a map cell, grey levels of [0, 1]; chosen."""
-BIRDSEYE = Birdseye(near=2.5, far=12.5, half_width=4.0, resolution=CELL)
-"""The default view, metres."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,7 @@ class Scene:
 
     """
 
-    def __init__(self, side: float, birdseye: Birdseye = BIRDSEYE, seed: int = 0) -> None:
+    def __init__(self, side: float, birdseye: Birdseye = CAR_VIEW, seed: int = 0) -> None:
         rectifier = Rectifier(camera(), birdseye)
         self.grid = rectifier.grid
         self.footprint = rectifier.footprint

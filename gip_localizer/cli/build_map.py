@@ -48,7 +48,8 @@ def add_parser(verbs: Any) -> None:
                         help=f'map to write (default: {DEFAULT_OUT})')
     parser.add_argument('--force', action='store_true', help='replace an existing map')
     parser.add_argument('--resolution', type=float, metavar='M',
-                        help='side of a cell (default: birdseye.resolution)')
+                        help='side of a cell (default: birdseye.resolution, or from the camera if '
+                             'that is 0)')
     poses = parser.add_argument_group('poses of base_link in the map frame')
     one = poses.add_mutually_exclusive_group()
     one.add_argument('--truth', '--ground-truth', metavar='TOPIC',
@@ -79,8 +80,9 @@ def run(args: argparse.Namespace) -> int:
         unused_at_the_desk,
         without_masks,
     )
+    from gip_localizer.core.birdseye.view_choice import complete_view
     from gip_localizer.io.bags.bag import Bag
-    from gip_localizer.io.bags.camera import mounted
+    from gip_localizer.io.bags.camera import mounted, recorded_camera
     from gip_localizer.io.bags.window import BagWindow
     from gip_localizer.io.map_files import save_map
     from gip_localizer.io.output_folder import check_file
@@ -91,13 +93,16 @@ def run(args: argparse.Namespace) -> int:
     for end in ('.png', '_noise.png'):
         check_file(args.out.with_name(args.out.stem + end), force=args.force, suffixes=('.png',))
     parameters = recorded_parameters(args)
-    resolution = parameters.birdseye.resolution if args.resolution is None else args.resolution
-    settings = MapBuilderSettings(resolution, args.every, args.max_gap,
-                           BagWindow(args.start, args.duration))
+    window = BagWindow(args.start, args.duration)
     bag = Bag(args.bag)
     topics, poses, notes = _poses(args, bag, parameters)
     parameters, said = mounted(bag, topics, without_masks(parameters))
     notes += [*said, *unused_at_the_desk(parameters)]
+    resolution = args.resolution
+    if resolution is None:
+        camera = recorded_camera(bag, topics, parameters)
+        resolution = complete_view(parameters.birdseye, camera).resolution
+    settings = MapBuilderSettings(resolution, args.every, args.max_gap, window)
     drive = MappedDrive(bag, topics, parameters, poses, settings)
     with ctrl_c(interrupts=True):
         raster_map = _with_progress(drive, settings, bag, topics)

@@ -173,7 +173,9 @@ class Localizer:
             with self._stage('calibrate'):
                 prepared = self._prepared
                 if prepared is None or not prepared.matches(camera, self.parameters):
-                    prepared = self._prepared = CalibratedView(camera, self.parameters)
+                    prepared = self._prepared = CalibratedView(
+                        camera, self.parameters, self.raster_map.resolution
+                    )
                     self.state.forget_calibration()
         except CalibrationError as error:
             self._prepared = None

@@ -17,6 +17,7 @@ from gip_localizer.evaluation.run import FrameExhibit, Run
 from gip_localizer.io.map_files import save_map
 from gip_localizer.parameters import Parameters
 from gip_localizer.synthetic.drive import SyntheticDrive
+from gip_localizer.synthetic.localizer_parameters import CAR_VIEW, view_settings
 from gip_localizer.synthetic.parameters import SyntheticCameraParameters
 from gip_localizer.synthetic.worlds import NAMES
 
@@ -104,7 +105,8 @@ def demo_scene(world: str, folder: Path, *, rate: float, metric: str) -> DemoSce
     start = drive.truth(0) @ START_ERROR
     held = {key: value for key, value in camera.to_dict().items() if key.startswith('camera.')}
     localizer = Parameters.from_dict({
-        **held, 'map_file': str(map_file), 'score.metric': metric, 'initial_pose.set': True,
+        **held, **view_settings(CAR_VIEW), 'map_file': str(map_file), 'score.metric': metric,
+        'initial_pose.set': True,
         'initial_pose.x': start.x, 'initial_pose.y': start.y, 'initial_pose.yaw': start.yaw,
     })  # fmt: skip
     return DemoScene(camera, localizer, drive.raster_map)

@@ -16,6 +16,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats, Grey
 from gip_localizer.core.birdseye.rectifier import Rectifier, View
+from gip_localizer.core.birdseye.view_choice import complete_view
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.errors import BagError, CalibrationError, ImageError
 from gip_localizer.io.bags.bag import Bag
@@ -102,7 +103,7 @@ def check_calibration(
     """
     recorded, at = recorded_camera(bag, topics, parameters), parameters.camera
     camera = recorded
-    rectifier = Rectifier(camera, parameters.birdseye)
+    rectifier = Rectifier(camera, complete_view(parameters.birdseye, camera))
     decode = compressed_grey_image if topics.image.msgtype in IMAGES[1:] else grey_image
     step = max(topics.image.messages // most, 1)
     depth = BitDepth()
@@ -116,7 +117,7 @@ def check_calibration(
             image = depth.scaled(decode(decoded))
             if image.shape != (camera.height, camera.width):
                 camera = recorded.for_image(image)
-                rectifier = Rectifier(camera, parameters.birdseye)
+                rectifier = Rectifier(camera, complete_view(parameters.birdseye, camera))
         except (ImageError, CalibrationError) as error:
             refused.append(str(error))
             continue

@@ -12,6 +12,7 @@ import numpy as np
 from gip_localizer.core.arrays import Bools, Floats, Grey
 from gip_localizer.core.birdseye.pixel_noise import estimate_pixel_noise
 from gip_localizer.core.birdseye.rectifier import Rectifier, View
+from gip_localizer.core.birdseye.view_choice import complete_view
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.gramian import gramian
 from gip_localizer.errors import CalibrationError, ImageError
@@ -68,8 +69,10 @@ class SurveyCamera:
         self._compressed = topics.image.msgtype in IMAGES[1:]
         self._noise = parameters.score.pixel_noise
         self._mask = load_mask(parameters.mask_file) if parameters.mask_file else None
-        finer = parameters.replace({'birdseye.resolution': resolution / FINER}).birdseye
-        self._rectifier = Rectifier(self._camera, finer)
+        view = complete_view(
+            replace(parameters.birdseye, resolution=resolution), self._camera
+        )
+        self._rectifier = Rectifier(self._camera, replace(view, resolution=resolution / FINER))
         longest = LONGEST_PIXEL * resolution
         self._used = self._rectifier.valid & sharp(self._camera, self._rectifier, longest)
         if not self._used.any():

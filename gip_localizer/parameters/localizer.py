@@ -66,11 +66,19 @@ class MountedCamera(Camera):
 class Birdseye:
     """The patch of road that is matched, in the base frame."""
 
-    near: float = p(2.5, 'Nearest edge ahead of base_link.', unit='m', low=-100.0, high=200.0)
-    far: float = p(12.5, 'Farthest edge ahead of base_link.', unit='m', low=-100.0, high=200.0)
-    half_width: float = p(4.0, 'Half of the width, left and right.', unit='m', low=0.05,
-                          high=100.0)
-    resolution: float = p(0.05, 'Side of a cell.', unit='m', low=0.001, high=2.0)
+    near: float = p(0.0, 'Nearest edge ahead of base_link; 0: automatic.', unit='m', low=-100.0,
+                    high=200.0)
+    far: float = p(0.0, 'Farthest edge ahead of base_link; 0: automatic.', unit='m', low=-100.0,
+                   high=200.0)
+    half_width: float = p(0.0, 'Half of the width, left and right; 0: automatic.', unit='m',
+                          low=0.0, high=100.0)
+    resolution: float = p(0.0, 'Side of a cell, at least 0.001; 0: automatic.', unit='m', low=0.0,
+                          high=2.0)
+
+    @property
+    def automatic(self) -> tuple[str, ...]:
+        """Names of the values that are chosen from camera and map: those that are 0."""
+        return tuple(name for name, value in vars(self).items() if value == 0.0)
 
 
 @dataclass(frozen=True)
@@ -242,25 +250,35 @@ class Parameters(ParameterGroup):
 
     def check(self) -> None:
         """Check what depends on several parameters (raises ParameterError)."""
+        self._check_view()
+        self._check_size()
+
+    def _check_view(self) -> None:
         view = self.birdseye
-        if view.far - view.near < 2.0 * view.resolution:
+        side = view.resolution or LEAST_CELL
+        if side < LEAST_CELL:
+            raise ParameterError(
+                f'birdseye.resolution ({side:g} m) must be at least {LEAST_CELL:g} m, or 0: '
+                'automatic'
+            )
+        if view.near and view.far and view.far - view.near < 2.0 * side:
             raise ParameterError(
                 f'birdseye.far ({view.far:g} m) must exceed birdseye.near ({view.near:g} m) '
-                f'by at least two cells of {view.resolution:g} m'
+                f'by at least two cells of {side:g} m'
             )
-        if 2.0 * view.half_width < 2.0 * view.resolution:
+        if view.half_width and view.half_width < side:
             raise ParameterError('birdseye.half_width must be at least birdseye.resolution')
-        self._check_size()
 
     def _check_size(self) -> None:
         view, search = self.birdseye, self.search
-        cells = (view.far - view.near) * 2.0 * view.half_width / view.resolution**2
-        if cells > MAX_VIEW_CELLS:
-            raise ParameterError(
-                f'the bird\'s-eye view would have {cells:.3g} cells, more than '
-                f'{MAX_VIEW_CELLS:.0e}: raise birdseye.resolution or shrink the view'
-            )
-        side = 2.0 / view.resolution
+        if not view.automatic:
+            cells = (view.far - view.near) * 2.0 * view.half_width / view.resolution**2
+            if cells > MAX_VIEW_CELLS:
+                raise ParameterError(
+                    f'the bird\'s-eye view would have {cells:.3g} cells, more than '
+                    f'{MAX_VIEW_CELLS:.0e}: raise birdseye.resolution or shrink the view'
+                )
+        side = 2.0 / (view.resolution or ASSUMED_CELL)
         candidates = (1.0 + side * search.x) * (1.0 + side * search.y) * (
             1.0 + 2.0 * search.yaw / search.yaw_step
         )
@@ -272,6 +290,11 @@ class Parameters(ParameterGroup):
             )
 
 
+ASSUMED_CELL = 0.05
+"""Side of a cell with which a window is checked before an automatic one is chosen, metres; chosen:
+that of a usual map of roads. The window is checked again with the chosen one."""
+LEAST_CELL = 0.001
+"""Least side of a given cell of the view, metres; chosen."""
 MAX_VIEW_CELLS = 4e6
 """Largest number of cells of a view; chosen, so that it needs less than about 100 MB."""
 MAX_CANDIDATES = 2e9

@@ -6,18 +6,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from gip_localizer.core.camera.model import CameraModel
+from gip_localizer.core.birdseye.view_choice import choose_view
 from gip_localizer.core.pose import Pose2
-from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Birdseye, Parameters
 from gip_localizer.synthetic.drive import SyntheticDrive
 
 _STREAM = 7101
 """Seed of the prior's random stream (no unit); any number that no other stream uses."""
-LONGEST = 10.0
-"""Largest length of the view, metres: that of the default view (2.5 to 12.5 m ahead)."""
-FINE_VIEW = 4.0
-"""Views shorter than this, in metres, get cells of half the default size; chosen."""
+CAR_VIEW = Birdseye(near=2.5, far=12.5, half_width=4.0, resolution=0.05)
+"""View of a camera 1.5 m above the road and 15 degrees down, for suites, demo and benchmark, whose
+published numbers hold for it; chosen."""
+LEAST_COMMON = 0.7
+"""Least share of `CAR_VIEW` that the camera must see well for it to be used; chosen."""
+
+
+def view_settings(view: Birdseye) -> dict[str, object]:
+    """Return a view as parameters by name."""
+    return {f'birdseye.{name}': value for name, value in vars(view).items()}
 
 
 def localizer_parameters(drive: SyntheticDrive, *, compressed: bool = False) -> Parameters:
@@ -49,7 +54,7 @@ def localizer_parameters(drive: SyntheticDrive, *, compressed: bool = False) -> 
         'camera.sigma_yaw': 0.0,  # the simulated mount is exact
         'image_transport': 'compressed' if compressed else 'raw',
         'initial_pose.set': True, 'initial_pose.x': start.x, 'initial_pose.y': start.y,
-        'initial_pose.yaw': start.yaw, **_view(drive.camera),
+        'initial_pose.yaw': start.yaw, **view_settings(_view(drive)),
     }
     return Parameters.from_dict(values)
 
@@ -62,29 +67,8 @@ def _perturbed(truth: Pose2, seed: int) -> Pose2:
     return Pose2(round(x, 3), round(y, 3), round(yaw, 4))
 
 
-def _view(camera: CameraModel) -> dict[str, object]:
-    """Return no change if the camera sees 70 % of the default view, else the view that it sees."""
-    near, far, half_width = _seen(camera)
-    usual = Birdseye()
-    if min(far, usual.far) - max(near, usual.near) > 0.7 * (usual.far - usual.near):
-        return {}
-    far = min(far, near + LONGEST)
-    resolution = usual.resolution if far - near > FINE_VIEW else 0.5 * usual.resolution
-    return {
-        'birdseye.near': round(near, 2), 'birdseye.far': round(far, 2),
-        'birdseye.half_width': round(min(half_width, usual.half_width), 2),
-        'birdseye.resolution': resolution,
-    }
-
-
-def _seen(camera: CameraModel) -> tuple[float, float, float]:
-    """Nearest and farthest road in the middle column, and half the width there, metres."""
-    rows = np.linspace(0.0, camera.height - 1.0, 200)
-    middle = np.stack([np.full(200, (camera.width - 1) / 2.0), rows], axis=1)
-    xy, valid = camera.road_points(middle)
-    if not valid.any():
-        raise CalibrationError('the synthetic camera sees no road; pitch it down')
-    x = np.clip(xy[valid, 0], None, 100.0)
-    edge, seen = camera.road_points(np.array([[0.0, rows[valid][np.argmax(x)]]]))
-    half_width = abs(float(edge[0, 1])) if seen[0] else Birdseye().half_width
-    return float(x.min()), float(x.max()), half_width
+def _view(drive: SyntheticDrive) -> Birdseye:
+    """Return the view of a car if the camera sees most of it, else the view that suits it."""
+    chosen = choose_view(drive.camera, drive.raster_map.resolution)
+    common = min(chosen.far, CAR_VIEW.far) - max(chosen.near, CAR_VIEW.near)
+    return CAR_VIEW if common > LEAST_COMMON * (CAR_VIEW.far - CAR_VIEW.near) else chosen

@@ -26,6 +26,7 @@ from gip_localizer.evaluation.wrong_bounds import DEFAULT_BOUNDS
 from gip_localizer.parameters import Parameters
 from gip_localizer.parameters.spec import Value
 from gip_localizer.synthetic.drive import SyntheticDrive, SyntheticFrame
+from gip_localizer.synthetic.localizer_parameters import CAR_VIEW, view_settings
 from gip_localizer.synthetic.motions import make_motion
 from gip_localizer.synthetic.scenarios import scenario_parameters
 
@@ -120,7 +121,9 @@ def localizer_parameters(
         'camera.pitch': held.pitch, 'camera.yaw': held.yaw, 'camera.rectified': held.rectified,
         'camera.sigma_yaw': 0.0,
     }
-    return Parameters.from_dict({**camera, 'motion.fuse': False, **setup.localizer, **overrides})
+    return Parameters.from_dict({
+        **camera, **view_settings(CAR_VIEW), 'motion.fuse': False, **setup.localizer, **overrides,
+    })
 
 
 class Bench:

@@ -10,11 +10,12 @@ import numpy as np
 
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
-from gip_localizer.errors import GipError
+from gip_localizer.errors import CalibrationError, GipError
 from gip_localizer.io.map_files import load_map
+from gip_localizer.parameters import Birdseye
 from gip_localizer.ros.doctor.check import Check
 from gip_localizer.ros.doctor.observed import Observed
-from gip_localizer.ros.doctor.stack_inputs import camera_info, image, odometry
+from gip_localizer.ros.doctor.stack_inputs import camera_info, image, odometry, view_in_use
 from gip_localizer.session.diagnostic_rules import MAP, Severity
 
 ACTIVE = 'active'
@@ -116,7 +117,11 @@ def _covered(seen: Observed, raster_map: RasterMap) -> Check:
     found = f'{seen.parameters.map_file}: {width:.0f} x {height:.0f} m'
     if not start.set:
         return Check('map', f'{found}; no initial_pose.* to compare with')
-    share = _known_share(seen, raster_map, Pose2(start.x, start.y, start.yaw))
+    try:
+        view = view_in_use(seen, raster_map.resolution)
+    except (CalibrationError, ValueError) as error:
+        return Check('map', f'{found}; no view to compare with: {error}')
+    share = _known_share(raster_map, view, Pose2(start.x, start.y, start.yaw))
     found += f', {100 * share:.0f} % of the view at initial_pose is known'
     if share >= least:
         return Check('map', found)
@@ -124,8 +129,7 @@ def _covered(seen: Observed, raster_map: RasterMap) -> Check:
                  'or the origin of the map')
 
 
-def _known_share(seen: Observed, raster_map: RasterMap, pose: Pose2) -> float:
-    view = seen.parameters.birdseye
+def _known_share(raster_map: RasterMap, view: Birdseye, pose: Pose2) -> float:
     ahead, left = np.meshgrid(np.linspace(view.near, view.far, GRID),
                               np.linspace(-view.half_width, view.half_width, GRID))
     points = pose.transform(np.stack([ahead.ravel(), left.ravel()], axis=1))

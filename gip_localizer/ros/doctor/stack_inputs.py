@@ -6,11 +6,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from gip_localizer.core.birdseye.view_choice import complete_view
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.errors import CalibrationError, ImageError
 from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.messages import calibration, calibration_note, other_frame
-from gip_localizer.parameters import Parameters
+from gip_localizer.parameters import Birdseye, Parameters
 from gip_localizer.ros.doctor.check import Check
 from gip_localizer.ros.doctor.observed import Heard, Observed
 
@@ -75,13 +76,35 @@ def camera_info(seen: Observed) -> Check:
     if note := calibration_note(heard.last):
         return Check(name, f'{heard.topic}: {note}', 'publish the name of the distortion model')
     if not seen.parameters.camera.from_tf and not _sees_road(camera, seen.parameters):
-        return Check(name, f'{found}: no road between birdseye.near and birdseye.far is in view',
+        return Check(name, f'{found}: no road of birdseye.near to birdseye.far is in view',
                      'correct camera.z, camera.pitch, birdseye.near and birdseye.far')
     return Check(name, found)
 
 
+def view_in_use(seen: Observed, map_resolution: float) -> Birdseye:
+    """
+    Return the view of the localizer, with the values that are chosen from the camera.
+
+    Raises
+    ------
+    CalibrationError, ValueError
+        A value is automatic, and the camera cannot be used or is not known.
+
+    """
+    given, message = seen.parameters.birdseye, seen.topics['camera_info'].last
+    if not given.automatic:
+        return given
+    if message is None:
+        raise CalibrationError('birdseye.* is automatic, and no camera_info was received')
+    camera = CameraModel.given(calibration(message), seen.parameters.camera)
+    return complete_view(given, camera, map_resolution)
+
+
 def _sees_road(camera: CameraModel, parameters: Parameters) -> bool:
-    view = parameters.birdseye
+    try:
+        view = complete_view(parameters.birdseye, camera)
+    except CalibrationError:
+        return False
     ahead, left = np.meshgrid(np.linspace(view.near, view.far, ROAD_POINTS),
                               np.linspace(-view.half_width, view.half_width, ROAD_POINTS))
     road = np.stack([ahead.ravel(), left.ravel(), np.zeros(ahead.size)], axis=1)
