@@ -180,9 +180,10 @@ def _page(usual: Floats, rows: list[str]) -> str:
         '# Constants of matching and refinement', '',
         'Written by `make sensitivity`. Each constant is multiplied by '
         f'{low:g} and {high:g}; then {FRAMES} frames of each of the conditions '
-        f'{", ".join(c.name for c in CONDITIONS)} of `gip evaluate` are matched again (world {SEED}, '
-        'which no reported number uses). The columns give the root mean square error of the position, the mean NEES '
-        f'and the share of published poses; unchanged they are {_cells(usual)}.', '',
+        f'{", ".join(c.name for c in CONDITIONS)} of `gip evaluate` are matched again (world '
+        f'{SEED}, which no reported number uses). The columns give the root mean square error of '
+        'the position, the mean NEES and the share of published poses; unchanged they are '
+        f'{_cells(usual)}.', '',
         f'| constant | value | meaning | times {low:g} | times {high:g} |',
         '| --- | --- | --- | --- | --- |', *rows, '',
     ])
