@@ -9,7 +9,8 @@ import math
 import numpy as np
 
 from gip_localizer.core.camera.calibration import Calibration
-from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
+from gip_localizer.core.camera.model import CameraModel
 
 HELD = Extrinsics(1.2, 0.3, 1.5, 0.03, math.radians(15.0), 0.05)
 PLUMB_BOB = np.array([-0.3, 0.1, 0.001, -0.001, 0.01])

@@ -17,7 +17,8 @@ from ros_support import GRAPH, Tester
 from sensor_msgs.msg import CameraInfo
 
 from gip_localizer.core.camera.calibration import Calibration
-from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
+from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.io.map_files import save_map

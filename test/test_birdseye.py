@@ -10,7 +10,7 @@ import pytest
 from scipy import sparse
 
 from gip_localizer.core.birdseye.rectifier import make_grid, Rectifier
-from gip_localizer.core.camera.model import Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Birdseye
 

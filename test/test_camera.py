@@ -14,7 +14,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gip_localizer.core.camera.calibration import Calibration
-from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
+from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.errors import CalibrationError
 
 PIXEL_TOLERANCE = 0.01

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gip_localizer.cli import main
-from gip_localizer.core.camera.model import Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
 from gip_localizer.io.bags.writer import make, make_header
 from gip_localizer.io.cdr import jazzy
 from gip_localizer.parameters import load_parameter_file

@@ -10,7 +10,8 @@ import pytest
 
 from gip_localizer.core.birdseye.footprints import footprint_areas, overlap_matrix, pixel_box
 from gip_localizer.core.birdseye.grid import Grid
-from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
+from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.paper.geometry import depth_of_distance, PaperCamera
 from gip_localizer.paper.theory import footprint
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gip_localizer.cli import main
-from gip_localizer.core.camera.model import Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
 from gip_localizer.errors import GipError
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.folder.poses import read_poses

@@ -16,7 +16,8 @@ import pytest
 from road_samples import ORIGIN, PARAMETERS, Road
 
 from gip_localizer.core.camera.calibration import Calibration
-from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
+from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.parameters import Parameters

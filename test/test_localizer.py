@@ -12,7 +12,7 @@ from road_samples import PARAMETERS, Road
 from scipy.stats import chi2
 
 from gip_localizer.core.belief import PriorError
-from gip_localizer.core.camera.model import Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.map.raster_map import RasterMap

@@ -29,7 +29,7 @@ from ros_scene import (
 from scipy.spatial.transform import Rotation
 from tf2_msgs.msg import TFMessage
 
-from gip_localizer.core.camera.model import Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
 from gip_localizer.core.pose import Pose2, wrap_angle
 from gip_localizer.io.messages import planar_pose, stamp_ns
 from gip_localizer.io.static_transforms import StaticTransforms

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import Reader
 from scipy.spatial.transform import Rotation
 
 from gip_localizer.cli import main
-from gip_localizer.core.camera.model import Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.map_files import load_map

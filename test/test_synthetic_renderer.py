@@ -12,7 +12,8 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from gip_localizer.core.camera.calibration import Calibration
-from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
+from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import MapError

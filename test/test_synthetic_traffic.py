@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from gip_localizer.core.camera.calibration import Calibration
-from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
+from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.pose import Pose2
 from gip_localizer.synthetic.traffic import Car, cars_hiding, draw_cars, hidden_share
 from gip_localizer.synthetic.weather import add_glare, add_rain, add_shadows

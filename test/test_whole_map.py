@@ -16,7 +16,7 @@ from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.birdseye.rectifier import View
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.match.lattice import Lattice
-from gip_localizer.core.match.pyramid import coarse_to_fine
+from gip_localizer.core.match.pyramid import whole_window
 from gip_localizer.core.match.pyramid.coarse_to_fine import pyramid_modes
 from gip_localizer.core.match.score_surface import Scores
 from gip_localizer.core.pose import difference, Pose2
@@ -84,7 +84,7 @@ def test_yaws_in_blocks_give_the_same_modes(monkeypatch):
     )
     rule = {'normalized': True, 'min_overlap': 0.5, 'count': 3, 'kept': KEPT, 'within': WITHIN}
     expected = pyramid_modes(level, **rule)
-    monkeypatch.setattr(coarse_to_fine, 'BLOCK_CANDIDATES', 1)
+    monkeypatch.setattr(whole_window, 'BLOCK_CANDIDATES', 1)
     found = pyramid_modes(level, **rule)
     assert found[0] == expected[0]
 

@@ -12,7 +12,8 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye.rectifier import Rectifier
 from gip_localizer.core.camera.calibration import Calibration
-from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
+from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.gramian import gramian
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.match.lattice import (

@@ -77,7 +77,7 @@ def add_parser(verbs: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Read everything, write the bag folder."""
     from gip_localizer.cli.progress import progress
-    from gip_localizer.core.camera.model import Extrinsics
+    from gip_localizer.core.camera.extrinsics import Extrinsics
     from gip_localizer.io.folder.drive import FolderDrive
     from gip_localizer.io.folder.images import find_images
     from gip_localizer.io.folder.poses import NAMES, read_poses

@@ -25,16 +25,16 @@ def downsampled(
     values : (rows, cols) float32
         The smaller cells.
     factor : int
-        Of them, per side of a larger one.
+        Number of smaller cells per side of a larger one.
     shape : (int, int)
         Rows and columns of the larger cells.
     corner : (int, int)
-        Rows and columns of smaller cells that the larger ones begin before the values; negative:
-        behind their first.
+        Number of smaller rows and columns by which the larger cells begin before the values;
+        negative: after their first.
     smooth : bool
-        True: values are averaged over as much as a larger cell before.
+        True: values are averaged over the size of a larger cell before.
     replicate : bool
-        What lies beyond the values: True: is like their edge; False: is 0.
+        Values outside the array: True: those of its edge; False: 0.
 
     Returns
     -------
@@ -59,14 +59,14 @@ def downsampled(
 
 @cache
 def _smoothing(factor: int) -> Floats:
-    """Weights of a box of `factor` cells about the middle of a cell."""
+    """Return weights of a box of `factor` cells around the centre of a cell."""
     box = np.ones(factor, np.float32)
     return np.convolve(box, [0.5, 0.5]) / factor if factor % 2 == 0 else box / factor
 
 
 @cache
 def _taps(factor: int, smooth: bool) -> Floats:
-    """Weights of the cells that make a larger one."""
+    """Return weights of the cells in a larger cell."""
     box = np.full(factor, 1.0 / factor)
     return (np.convolve(box, _smoothing(factor)) if smooth else box).astype(np.float32)
 

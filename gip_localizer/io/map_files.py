@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 
 from gip_localizer.core.arrays import Bools, Grey, WHITE
-from gip_localizer.core.birdseye.rectifier import LOOKED_AT
+from gip_localizer.core.birdseye.rectifier import MASK_USED
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import MapError, OutputError, quoted, shortened
@@ -164,7 +164,7 @@ def load_mask(path: Path | str) -> Grey:
     grey, _ = read_picture(what, user_path(path))
     if grey.dtype != np.uint8:
         raise MapError(f'{what} has 16 bits a pixel; expected 8')
-    if grey.max() < LOOKED_AT:
+    if grey.max() < MASK_USED:
         raise MapError(
             f'{what} is black all over (largest value {grey.max()}), so that no pixel would be '
             'used; expected 255, and black only where the camera sees its own vehicle'

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.camera.model import Extrinsics, OPTICAL_FROM_BODY
+from gip_localizer.core.camera.extrinsics import Extrinsics, OPTICAL_FROM_BODY
 from gip_localizer.errors import GipError
 
 UNIT_SLACK = 1e-3

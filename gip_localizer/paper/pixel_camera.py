@@ -21,7 +21,8 @@ from gip_localizer.core.arrays import Bools
 from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.birdseye.rectifier import Rectifier
 from gip_localizer.core.camera.calibration import Calibration
-from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
+from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
 from gip_localizer.paper.geometry import depth_of_distance, PaperCamera

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 import math
 from typing import Any
 
-from gip_localizer.core.camera.model import Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
 from gip_localizer.errors import ParameterError
 from gip_localizer.io.static_transforms import StaticTransforms, TransformError
 from gip_localizer.parameters import Parameters

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
-from gip_localizer.core.camera.model import Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.guard import fault_of, run_guarded
 from gip_localizer.core.map.raster_map import RasterMap

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gip_localizer.core.arrays import Grey
-from gip_localizer.core.birdseye.rectifier import LOOKED_AT
+from gip_localizer.core.birdseye.rectifier import MASK_USED
 from gip_localizer.errors import ImageError
 from gip_localizer.io.images import grey_image
 
@@ -53,7 +53,7 @@ def mask_image(message: Any, shape: tuple[int, int]) -> Grey:
         (rows, cols), (height, width) = mask.shape, shape
         raise MaskError(f'mask is {cols}x{rows}, the image {width}x{height}; resize the mask')
     largest = int(mask.max())
-    if 0 < largest < LOOKED_AT:
+    if 0 < largest < MASK_USED:
         raise MaskError(
             f'the largest value of the mask is {largest}; expected 255 on the road '
             'and 0 elsewhere, not class numbers'

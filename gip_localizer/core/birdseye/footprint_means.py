@@ -24,7 +24,9 @@ from gip_localizer.core.birdseye.footprints import PARTS
 from gip_localizer.core.kernels.library import AVAILABLE, BLOCK
 from gip_localizer.core.threads import in_parallel, WORKERS
 
-BANDS_PER_WORKER = 2  # parts of an image per thread, so that a late thread delays little; chosen
+# Number of parts of an image per thread (design choice: 2, because a late thread then delays the
+# image by little).
+BANDS_PER_WORKER = 2
 
 
 class FootprintMeans:

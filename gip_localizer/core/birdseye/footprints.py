@@ -21,11 +21,19 @@ from gip_localizer.core.arrays import Bools, Floats
 from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.camera.model import CameraModel
 
-RAY_GRID_STEP = 4  # px between exactly undistorted rays; a cubic spline fills in
-SUBPIXELS = 4  # per side, for pixels narrower than a cell
-SUBPIXELS_FAR = 8  # per side, for pixels that span more than half a cell
-PARTS = SUBPIXELS_FAR**2  # of a pixel, of which shares are whole numbers
-CHUNK = 50_000  # pixels divided at once, which bounds the memory
+# Distance (px) between rays that are undistorted exactly; a cubic spline interpolates the others
+# (design choice: 4, because lens models are smooth over some pixels).
+RAY_GRID_STEP = 4
+# Number of sub-pixels per side of a pixel that is narrower than a cell (design choice: 4, because
+# its footprint is then accurate to a sixteenth).
+SUBPIXELS = 4
+# Number of sub-pixels per side of a pixel that spans more than half a cell (design choice: 8,
+# because such pixels are shared by several cells).
+SUBPIXELS_FAR = 8
+# Number of parts of a pixel in which its shares are counted: the sub-pixels of a far pixel.
+PARTS = SUBPIXELS_FAR**2
+# Number of pixels that are divided at once (design choice: 50,000, which bounds the memory).
+CHUNK = 50_000
 
 
 

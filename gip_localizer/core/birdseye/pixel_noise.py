@@ -9,7 +9,8 @@ import numpy as np
 from gip_localizer.core.arrays import Grey, median, WHITE
 from gip_localizer.core.gramian import NOISE_FLOOR
 
-# Bands of three rows, spread over the image, that the noise is measured in; chosen.
+# Number of bands of three rows, spread over the image, in which the noise is measured (design
+# choice: 12, because more take longer and do not change the median).
 NOISE_BANDS = 12
 
 

@@ -25,10 +25,15 @@ from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Birdseye
 
-LOOKED_AT = 128  # least value of a mask's pixel that is used: half of full scale
-MIN_CELLS = 20  # least cells of a view that can be matched; chosen
-WHOLE = 0.99  # share of a footprint that must be unmasked
-MIN_FOOTPRINT = 0.02  # px²: smaller cells are beyond what sub-pixels resolve
+# Least value (of 255) of a mask for pixels that are used: half of full scale.
+MASK_USED = 128
+# Least number of cells of a view (design choice: 20, because a fit has up to 8 unknowns).
+MIN_CELLS = 20
+# Least share (no unit) of the footprint of a cell that is not masked (design choice: 0.99, which
+# is 1 less rounding).
+WHOLE = 0.99
+# Least footprint (px²) of a cell (design choice: 0.02, about one sub-pixel of a far pixel).
+MIN_FOOTPRINT = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,15 +132,15 @@ class Rectifier:
 
     def unmasked(self, mask: Grey) -> Floats:
         """
-        Cells (rows, cols), float32 0 or 1, whose whole footprint a mask leaves to be looked at.
+        Return 1 for cells whose whole footprint is not masked, else 0, (rows, cols) float32.
 
         Parameters
         ----------
         mask : (height, width) uint8 or bool
-            Of the camera's size; pixels below `LOOKED_AT`, or False, are masked.
+            Of the camera's size; pixels below `MASK_USED`, or False, are masked.
 
         """
-        seen = (mask if mask.dtype == bool else mask >= LOOKED_AT).astype(np.float32)
+        seen = (mask if mask.dtype == bool else mask >= MASK_USED).astype(np.float32)
         return (self.rectify(seen).patch > WHOLE).astype(np.float32)
 
     @cached_property

@@ -13,7 +13,9 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye.rectifier import View
 from gip_localizer.core.camera.model import CameraModel
 
-SMALL = 1e-5  # rad and m, for the tangents
+# Step (rad, m) of the finite differences of the tangents (design choice: 1e-5, because curvature
+# and rounding are both negligible there).
+SMALL = 1e-5
 
 
 class SuspensionMotion:

@@ -14,7 +14,9 @@ from gip_localizer.errors import CalibrationError
 # Distortion models of sensor_msgs/CameraInfo, and their numbers of coefficients (OpenCV).
 PINHOLE_MODELS = {'plumb_bob': (4, 5), 'rational_polynomial': (8, 12, 14)}
 FISHEYE_MODELS = ('equidistant', 'fisheye')
-LARGEST = 1e7  # largest absolute number of a CameraInfo, px and factors; chosen
+# Largest absolute number of a CameraInfo (px, or no unit; design choice: 1e7, because no camera
+# has as many pixels per side, and larger numbers are errors).
+LARGEST = 1e7
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,7 @@ class Calibration:
     R : (3, 3) float64
         Rectification rotation, applied only to rectified images.
     binning : (2,) int
-        Pixels joined in x and in y.
+        Number of pixels per pixel of the image, in x and in y.
     roi : (4,) int
         x, y, width, height of the delivered part of the full image; zero size: all of it.
 

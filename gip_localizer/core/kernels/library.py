@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The loops of this folder, where a C compiler built them: the one file that knows their signatures.
+The compiled loops of this folder: the only file with their addresses and signatures.
 
-One function or class per loop. They take arrays, and raise ValueError where an array's shape or
-type is not what the loop reads. Installing builds the loops if it can. Without them (`AVAILABLE`
-is False; or with GIP_COMPILED=0 in the environment) the callers do the same work with NumPy, SciPy
-and OpenCV, which takes longer and rounds otherwise in the last bits. ctypes releases Python's lock
-during a call.
+There is one function or class per loop. They raise ValueError if the shape or type of an array is
+not what the loop reads (`array_checks`). The installation builds the loops if there is a compiler.
+Without them (`AVAILABLE` is False, or GIP_COMPILED=0 in the environment) the callers use NumPy,
+SciPy and OpenCV, which take longer and round differently in the last bits. ctypes releases
+Python's lock during a call.
 
 """
 
@@ -22,11 +22,25 @@ import sysconfig
 import numpy as np
 
 from gip_localizer.core.arrays import Floats, Grey
+from gip_localizer.core.kernels.array_checks import (
+    check_averaging,
+    check_footprints,
+    check_pair_fits,
+    check_pairs,
+    check_translations,
+    require_contiguous,
+    require_rows,
+    require_shape,
+)
 
-VERSION = 1  # of the functions, as in version.c
-BLOCK = 16  # pixels that `footprint_means` reads at once, as in footprints.c
-MARGIN = 10  # zeros that `turn_little` may read on every side of a plane, LANES + 2 of turn.c
-MOST_SLOPE = 1.0 / 7.0  # rows per column up to which `turn_little` turns: LANES - 1 on two rows
+# Version (no unit) of the functions, as in version.c.
+VERSION = 1
+# Number of pixels that `footprint_means` reads at once, as in footprints.c.
+BLOCK = 16
+# Number of zeros that `turn_little` may read on every side of a plane: LANES + 2 of turn.c.
+MARGIN = 10
+# Largest slope (rows per column) of `turn_little`: LANES - 1 columns of turn.c lie on two rows.
+MOST_SLOPE = 1.0 / 7.0
 _SIZE, _ADDRESS = ctypes.c_ssize_t, ctypes.c_void_p
 _Nothing = ctypes.c_char * 0
 
@@ -86,7 +100,7 @@ class PlaneArray:
     Parameters
     ----------
     planes : (n, rows, cols) float32
-        Planes and rows may be apart, the elements of a row not.
+        There may be gaps between planes and rows, but not within a row.
 
     """
 
@@ -123,11 +137,8 @@ class TurnedComparison:
         self._kept = templates, fields, pairs, pairs_of_term
         self._terms, self._totals = len(pairs_of_term), totals
         count, rows, cols = templates.array.shape
-        _require('pairs', pairs.shape, (int(pairs_of_term.sum()), 2))
-        there = bool((pairs >= 0).all() and (pairs < (count, len(fields.array))).all())
-        if not there or not 0 <= totals <= count:
-            raise ValueError(f'pairs {pairs.tolist()} or {totals} totals are beyond {count} '
-                             f'templates and {len(fields.array)} fields')
+        require_shape('pairs', pairs.shape, (int(pairs_of_term.sum()), 2))
+        check_pairs(pairs, count, len(fields.array), totals)
         self._c = _Compared(
             templates.c, count, rows, cols, fields.c, _address('pairs', pairs, np.int32),
             _address('pairs_of_term', pairs_of_term, np.int32), self._terms, totals,
@@ -159,16 +170,13 @@ class TurnedComparison:
         templates, fields = self._kept[:2]
         yaws, shape = len(buffers), buffers[0].array.shape
         for buffer in buffers:
-            _require('buffer', buffer.array.shape, (len(templates.array), *shape[1:]))
-        _require('affines', affines.shape, (yaws, 2, 3))
-        _require('turned', turned.shape, (yaws,))
-        _require('totals', totals.shape, (yaws, self._totals))
-        _require('sums', sums.shape, (yaws, self._terms, *sums.shape[2:]))
+            require_shape('buffer', buffer.array.shape, (len(templates.array), *shape[1:]))
+        require_shape('affines', affines.shape, (yaws, 2, 3))
+        require_shape('turned', turned.shape, (yaws,))
+        require_shape('totals', totals.shape, (yaws, self._totals))
+        require_shape('sums', sums.shape, (yaws, self._terms, *sums.shape[2:]))
         (x, y), (n_x, n_y) = start, sums.shape[2:]
-        _, rows, cols = fields.array.shape
-        if not (0 <= x <= rows - shape[1] - n_x + 1 and 0 <= y <= cols - shape[2] - n_y + 1):
-            raise ValueError(f'{n_x} x {n_y} translations from {start} on move templates of '
-                             f'{shape[1:]} out of fields of {(rows, cols)}')
+        check_translations(start, (n_x, n_y), shape[1:], fields.array.shape[1:])
         _kernels().compare_turned(
             self._c, yaws, _address('affines', affines, np.float64),
             _address('turned', turned, np.uint8),
@@ -193,8 +201,8 @@ def turn_little(planes: PlaneArray, affine: Floats, out: Floats) -> None:
 
     """
     target = PlaneArray(out)
-    _require('affine', affine.shape, (2, 3))
-    _require('out', out.shape, (len(planes.array), *out.shape[1:]))
+    require_shape('affine', affine.shape, (2, 3))
+    require_shape('out', out.shape, (len(planes.array), *out.shape[1:]))
     _kernels().turn_little(
         planes.c, *planes.array.shape[1:], _address('affine', affine, np.float64), target.c,
         *out.shape,
@@ -227,19 +235,14 @@ def footprint_means(
 
     """
     cells_of_group, blocks_per_cell = groups
-    _require('blocks_per_cell', blocks_per_cell.shape, cells_of_group.shape)
-    _require('cells', cells.shape, (int(cells_of_group.sum()),))
-    _require('starts', starts.shape, (int(cells_of_group @ blocks_per_cell),))
-    _require('weights', weights.shape, (len(starts), BLOCK))
-    _require('factors', factors.shape, cells.shape)
-    _require('means', means.shape, cells.shape)
+    require_shape('blocks_per_cell', blocks_per_cell.shape, cells_of_group.shape)
+    require_shape('cells', cells.shape, (int(cells_of_group.sum()),))
+    require_shape('starts', starts.shape, (int(cells_of_group @ blocks_per_cell),))
+    require_shape('weights', weights.shape, (len(starts), BLOCK))
+    require_shape('factors', factors.shape, cells.shape)
+    require_shape('means', means.shape, cells.shape)
     first = _row_address('image', image, np.uint8, 2)
-    extent = (image.shape[0] - 1) * image.strides[0] + image.shape[1]
-    if starts.size and not (starts.min() >= 0 and starts.max() + BLOCK <= extent):
-        raise ValueError(f'blocks of {BLOCK} bytes begin at {starts.min()} to {starts.max()}, '
-                         f'the image has {extent} bytes')
-    if cells.size and not (cells.min() >= 0 and cells.max() < len(means)):
-        raise ValueError(f'cells {cells.min()} to {cells.max()} of {len(means)} means')
+    check_footprints(image, starts, cells, len(means), block=BLOCK)
     _kernels().footprint_means(
         first, len(cells_of_group), _address('cells_of_group', cells_of_group, np.int32),
         _address('blocks_per_cell', blocks_per_cell, np.int32),
@@ -269,7 +272,7 @@ def average_cells(
     shape : (int, int)
         Rows and columns of the larger cells.
     replicate : bool
-        What lies beyond the values: True: is like their edge; False: is 0.
+        Values outside the array: True: those of its edge; False: 0.
 
     Returns
     -------
@@ -278,10 +281,8 @@ def average_cells(
 
     """
     first = _row_address('values', values, np.float32, 2)
-    _require('taps', taps.shape, taps.shape[:1])
-    if min(*shape, *values.shape, factor, len(taps)) < 1:
-        raise ValueError(f'cells of shape {values.shape}, {len(taps)} taps, factor {factor} and '
-                         f'larger cells of shape {shape}: all must be at least 1')
+    require_shape('taps', taps.shape, taps.shape[:1])
+    check_averaging(values.shape, len(taps), factor, shape)
     out = np.empty(shape, np.float32)
     buffer = np.empty(2 * (factor * (shape[1] - 1) + len(taps)), np.float32)
     _kernels().join_cells(
@@ -295,10 +296,9 @@ def average_cells(
 def pair_planes(pair: Floats, plane: Grey) -> None:
     """Write real planes (2, rows, cols) float32 into the first corner of a complex64 plane."""
     source = PlaneArray(pair)
-    _require('pair', pair.shape, (2, *pair.shape[1:]))
+    require_shape('pair', pair.shape, (2, *pair.shape[1:]))
     _, rows, cols = pair.shape
-    if plane.ndim != 2 or rows > plane.shape[0] or cols > plane.shape[1]:
-        raise ValueError(f'planes of shape {pair.shape} do not fit into one of {plane.shape}')
+    check_pair_fits(pair.shape, plane.shape)
     _kernels().pair_planes(
         source.c, rows, cols, _address('plane', plane, np.complex64), 2 * plane.shape[1]
     )
@@ -307,7 +307,7 @@ def pair_planes(pair: Floats, plane: Grey) -> None:
 def sum_complex_products(pairs: Sequence[tuple[Grey, Grey]], out: Grey) -> None:
     """Write the sum of products of complex64 arrays of one shape; `out` may be one of them."""
     for array in (array for pair in pairs for array in pair):
-        _require('factor', array.shape, out.shape)
+        require_shape('factor', array.shape, out.shape)
     left, right = (
         (_ADDRESS * len(pairs))(*(_address('factor', array, np.complex64) for array in arrays))
         for arrays in zip(*pairs, strict=True)
@@ -324,16 +324,9 @@ def _kernels() -> ctypes.CDLL:
     return _LIBRARY
 
 
-def _require(name: str, found: tuple[int, ...], expected: tuple[int, ...]) -> None:
-    if found != expected:
-        raise ValueError(f'{name} has shape {found}; the loop expects {expected}')
-
-
 def _address(name: str, array: Grey, kind: type) -> int:
     """Return the address of an array without gaps."""
-    if array.dtype != kind or not array.flags.c_contiguous:
-        raise ValueError(f'{name} is {array.dtype} with strides {array.strides}; the loop expects '
-                         f'{np.dtype(kind)} without gaps')
+    require_contiguous(name, array, kind)
     if array.flags.writeable:  # a third of the time
         return ctypes.addressof(_Nothing.from_buffer(array.data))
     return array.ctypes.data
@@ -341,9 +334,5 @@ def _address(name: str, array: Grey, kind: type) -> int:
 
 def _row_address(name: str, array: Grey, kind: type, axes: int) -> int:
     """Return the address of an array whose rows have no gaps."""
-    gaps = array.size > 0 and array.strides[-1] != array.itemsize
-    if array.dtype != kind or array.ndim != axes or gaps:
-        raise ValueError(f'{name} is {array.dtype} of shape {array.shape}, strides '
-                         f'{array.strides}; the loop expects {np.dtype(kind)} with {axes} axes, '
-                         'the last without gaps')
+    require_rows(name, array, kind, axes)
     return array.ctypes.data

@@ -145,7 +145,7 @@ def corners(grey: Grey, known: Bools | None, row: Floats, col: Floats) -> Corner
 def _inside(
     row: Floats, col: Floats, rows: int, cols: int
 ) -> tuple[Floats, Floats, Bools | None]:
-    """Rows and columns held to the grid, and which were on it (None: all)."""
+    """Return rows and columns clipped to the grid, and which were on it (None: all)."""
     above = row.size and row.min() >= 0 and col.min() >= 0  # NaN is not
     if above and row.max() <= rows - 1 and col.max() <= cols - 1:
         return row, col, None

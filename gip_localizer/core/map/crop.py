@@ -7,20 +7,24 @@ from __future__ import annotations
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.map.raster_map import RasterMap
 
-LOCKING = (0.0037, 0.0012)  # of a cell: what sampling may shift a pose by; on half cells
-DOUBLED = (0.75, 2.0)  # sides of compared cells, in the map's, that meet a map of half its cells
+# Largest error of a pose by interpolation between cell centres (peak locking), in cells, for cells
+# of the map and for cells of half their side (measured on rendered frames).
+LOCKING = (0.0037, 0.0012)
+# Range of the side of compared cells, in cells of the map, in which the map is interpolated to
+# cells of half the side (measured: for smaller cells it increases the error, docs/accuracy.md).
+DOUBLED = (0.75, 2.0)
 
 
 class Crop:
     """
-    A part of the map, and what cells of each size are compared with, made once.
+    A part of the map, and its versions for cells of each size, which are made once.
 
     Parameters
     ----------
     part : RasterMap
-        float32, as `RasterMap.crop` returns it.
+        Part (float32), as `RasterMap.crop` returns it.
     cell : float
-        Side of the cells (m) that it is smoothed for.
+        Side (m) of the cells for which the part is smoothed.
 
     """
 
@@ -28,10 +32,10 @@ class Crop:
         self.part = part
         self._cell = cell
         self._smoothed: dict[float, RasterMap] = {}
-        self._calm: dict[float, tuple[Floats, Floats]] = {}
+        self._blurred: dict[float, tuple[Floats, Floats]] = {}
 
     def for_cells(self, resolution: float) -> RasterMap:
-        """Return the part smoothed for cells of a side (m), on half cells where that helps."""
+        """Return the part smoothed for cells of a side (m), on half cells within `DOUBLED`."""
         if resolution not in self._smoothed:
             smoothed = self.part.smoothed(resolution, self._cell)
             if self._is_doubled(resolution):
@@ -40,7 +44,7 @@ class Crop:
         return self._smoothed[resolution]
 
     def locking(self, resolution: float) -> float:
-        """What sampling `for_cells` between its cell centres may shift a pose by, m."""
+        """Return the largest error (m) of a pose by interpolation in `for_cells`."""
         share = LOCKING[self._is_doubled(resolution)]
         return share * self.for_cells(resolution).resolution
 
@@ -48,8 +52,8 @@ class Crop:
         return DOUBLED[0] <= resolution / self.part.resolution < DOUBLED[1]
 
     def blurred_slopes(self, resolution: float) -> tuple[Floats, Floats]:
-        """Slopes of `for_cells`, blurred by a cell of the part (`RasterMap.blurred_slopes`)."""
-        if resolution not in self._calm:
+        """Return slopes of `for_cells`, blurred by a cell (`RasterMap.blurred_slopes`)."""
+        if resolution not in self._blurred:
             smoothed = self.for_cells(resolution)
-            self._calm[resolution] = smoothed.blurred_slopes(self.part.resolution)
-        return self._calm[resolution]
+            self._blurred[resolution] = smoothed.blurred_slopes(self.part.resolution)
+        return self._blurred[resolution]

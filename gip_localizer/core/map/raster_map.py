@@ -3,7 +3,7 @@
 """
 The map of the road: a grey raster with a resolution and an origin.
 
-Metres become cells here and nowhere else. Row 0 of the array is the top of the image (largest
+Only this file converts metres to cells. Row 0 of the array is the top of the image (largest
 y of the grid); the origin is the pose, in the map frame, of the lower-left corner of the
 lower-left cell (nav2 map_server), and cell centres lie half a cell inside.
 
@@ -21,8 +21,8 @@ import numpy as np
 
 from gip_localizer.core.arrays import Bools, Floats, Grey, WHITE
 from gip_localizer.core.map.bilinear import corners, Samples
+from gip_localizer.core.map.map_check import check_map
 from gip_localizer.core.map.resampling import (
-    all_finite,
     averaged_noise,
     blurred,
     doubled,
@@ -33,10 +33,9 @@ from gip_localizer.core.map.resampling import (
     smoothed,
 )
 from gip_localizer.core.pose import Pose2
-from gip_localizer.errors import MapError
 
 Box = tuple[int, int, int, int]
-"""First row and one past the last, first column and one past the last."""
+"""First row and the row after the last, first column and the column after the last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,36 +71,11 @@ class RasterMap:
     noise: Grey | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be a map."""
-        if self.grey.ndim != 2 or self.grey.size == 0 or self.grey.dtype not in WHITE:
-            raise MapError(
-                f'map array has shape {self.grey.shape} and type {self.grey.dtype}; '
-                'expected rows x columns of uint8, uint16 or float32'
-            )
-        if not (math.isfinite(self.resolution) and self.resolution > 0.0):
-            raise MapError(f'map resolution is {self.resolution}; expected metres per cell > 0')
-        if not self.origin.is_finite():
-            raise MapError(f'map origin is {tuple(self.origin)}; expected finite x, y, yaw')
-        if self.valid is not None and self.valid.shape != self.grey.shape:
-            raise MapError(
-                f'map mask has shape {self.valid.shape}, the map {self.grey.shape}'
-            )
-        if self.noise is not None and (
-            self.noise.shape != self.grey.shape or self.noise.dtype not in WHITE
-        ):
-            raise MapError(
-                f'map noise has shape {self.noise.shape} and type {self.noise.dtype}; expected '
-                f'that of the map, {self.grey.shape}, of uint8, uint16 or float32'
-            )
-        for name, values in (('grey', self.grey), ('noise', self.noise)):
-            if values is not None and not all_finite(values):
-                raise MapError(
-                    f'map {name} holds NaN or infinity; expected finite numbers, and cells that '
-                    'are unknown marked False in `valid`'
-                )
+        """Check the attributes (raises MapError)."""
+        check_map(self.grey, self.resolution, self.origin, self.valid, self.noise)
 
     def release(self) -> None:
-        """Give back the memory of what was looked at, where the map is mapped from disk."""
+        """Release the memory of the used parts, if the map is mapped from disk."""
         for array in (self.grey, self.valid, self.noise):
             pages: Any = array
             while isinstance(pages, (np.ndarray, memoryview)):
@@ -141,7 +115,7 @@ class RasterMap:
         return self.origin.transform(local)
 
     def contains(self, xy_map: Floats) -> Bools:
-        """Which (..., 2) map points lie on the grid, with data or not."""
+        """Return which map points (..., 2) lie on the grid, with or without data."""
         rc = self.to_cell(np.asarray(xy_map, float)) + 0.5
         rows, cols = self.grey.shape
         inside: Bools = (
@@ -151,23 +125,23 @@ class RasterMap:
 
     def crop(self, xy_map: Floats, *, margin: float, cell: float) -> RasterMap | None:
         """
-        The part of the map around some points, as float32, smoothed for a cell size.
+        Return the part of the map around some points, as float32, smoothed for a cell size.
 
         Parameters
         ----------
         xy_map : (n, 2) float64
-            Points of the map frame that the crop must hold.
+            Points of the map frame that the part must contain.
         margin : float
             Metres to add on every side.
         cell : float
-            Side of the cells (m) that will be compared with it. Where these are larger than
-            the map's own, the map is smoothed (second moment of the box matched), and
-            decimated when they are more than twice as large.
+            Side of the cells (m) that will be compared with the part. If they are larger than
+            those of the map, the map is smoothed (with the second moment of the box), and
+            downsampled if they are more than twice as large.
 
         Returns
         -------
         RasterMap or None
-            None where the points lie off the map altogether.
+            None if no point is on the map.
 
         """
         box = self.box(xy_map, margin=margin, cell=cell)
@@ -175,15 +149,15 @@ class RasterMap:
 
     def box(self, xy_map: Floats, *, margin: float, cell: float, snap: float = 0.0) -> Box | None:
         """
-        Rows and columns of the crop around some points.
+        Return rows and columns of the part around some points.
 
         Parameters
         ----------
         xy_map, margin, cell
             As for `crop`.
         snap : float
-            Metres: boxes start at multiples of this and are whole multiples long, so that
-            neighbouring places share one. 0: no longer than need be.
+            Step (m): boxes start at multiples of it and have whole multiples as lengths, so that
+            neighbouring places share a box. 0: the smallest box.
 
         """
         rc = self.to_cell(xy_map)
@@ -232,7 +206,7 @@ class RasterMap:
         Parameters
         ----------
         cell, before : float
-            Side of the cells (m) that it is for, and that it was smoothed for before (`cut`).
+            Side of the cells (m) that are compared, and for which `cut` has smoothed the map.
 
         """
         ratio, done = (max(side / self.resolution, 1.0) for side in (cell, before))
@@ -242,19 +216,19 @@ class RasterMap:
 
     def blurred_slopes(self, sigma: float) -> tuple[Floats, Floats]:
         """
-        Slopes of the map behind a Gaussian, in the middle of each cell and the next ones.
+        Return slopes of the map after a Gaussian filter, between each cell and the next ones.
 
         Parameters
         ----------
         sigma : float
-            Metres.
+            Standard deviation of the filter, m.
 
         Returns
         -------
         (rows, cols) float32
-            Down the rows, per cell; of a float32 map.
+            Slope down the rows, per cell; the map must be float32.
         (rows, cols) float32
-            Right along the columns.
+            Slope to the right along the columns, per cell.
 
         """
         values, _ = blurred(self.grey, self.valid, sigma / self.resolution)
@@ -264,8 +238,8 @@ class RasterMap:
         """
         Return the map (float32) on cells of half the side, by cubic splines.
 
-        Between cell centres bilinear sampling blurs, at them it does not, which draws a match
-        towards the one or the other; sampled on the halved cells that pull is small.
+        Bilinear interpolation blurs between cell centres and not at them, which biases a match
+        towards one of them (peak locking). With cells of half the side this bias is small.
 
         """
         valid = None
@@ -278,7 +252,7 @@ class RasterMap:
 
     def sample(self, xy_map: Floats) -> tuple[Floats, Bools]:
         """
-        Grey at map points, bilinear between cell centres.
+        Return the grey at map points, bilinear between cell centres.
 
         Parameters
         ----------
@@ -290,7 +264,7 @@ class RasterMap:
         values : (n,) float32
             In [0, 1]; 0 where not valid.
         valid : (n,) bool
-            On the grid and all of the cells that contribute hold data.
+            On the grid, and all contributing cells have data.
 
         """
         samples = self.sample_from(Pose2(0.0, 0.0, 0.0), xy_map[:, 0], xy_map[:, 1])
@@ -298,7 +272,7 @@ class RasterMap:
 
     def sample_from(self, T_map_a: Pose2, x: Floats, y: Floats) -> Samples:
         """
-        Grey at points of a frame, with its slopes along that frame's axes.
+        Return the grey at points of a frame, with slopes along the axes of this frame.
 
         Parameters
         ----------

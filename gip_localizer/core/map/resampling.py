@@ -14,11 +14,15 @@ from scipy.interpolate import CubicSpline
 from gip_localizer.core.arrays import Bools, Floats, Grey, WHITE
 from gip_localizer.core.cell_means import downsampled
 
-# Weights of four neighbouring cells that give the slope along the columns, per cell.
+# Weights (1/cell) of four neighbouring cells in the slope along the columns.
 SLOPE_RIGHT = np.array([[-0.5, 0.5], [-0.5, 0.5]], np.float32)
-WHOLE = 0.999  # share of known cells from which a larger one is known, but for rounding
-SAMPLED = 100_000  # most cells from which the contrast of a map is estimated; chosen
-# Cells to either side that the spline between two cells depends on (0.27 to the 5th is 1e-3).
+# Least share of known cells (no unit) of a larger known cell: 1, less rounding.
+WHOLE = 0.999
+# Largest number of cells from which the contrast of a map is estimated (design choice: 100,000,
+# because the error is then below 1 %).
+SAMPLED = 100_000
+# Number of cells on either side that influence the spline between two cells: the influence
+# decreases by 0.27 per cell, and 0.27 to the 5th power is 1e-3.
 REACH = 5
 
 

@@ -37,8 +37,12 @@ Turn = Callable[[int, Floats], None]
 Sink = Callable[[range, Floats], None]
 """Takes yaws (indices) and their terms (n_terms, yaws, n_x, n_y), valid during the call only."""
 
-KEPT_BYTES = 1 << 23  # of an array, above which it is not kept between frames
-WORTH_A_THREAD = 150_000  # cells of all yaws, below which threads wait more than they work
+# Largest size (bytes) of an array that is kept between frames (design choice: 8 MiB, because
+# larger ones belong to searches of the whole map, which are rare).
+KEPT_BYTES = 1 << 23
+# Least number of cells of all yaws for which threads are used (design choice: 150,000, because
+# with fewer the threads wait longer than they work).
+MIN_FOR_THREADS = 150_000
 
 
 def correlate(
@@ -71,7 +75,7 @@ def correlate(
     def work_field(f: int) -> None:
         spectra[f] = field_spectrum(transform, fields[f])
 
-    worth_it = yaws * rows * cols >= WORTH_A_THREAD
+    worth_it = yaws * rows * cols >= MIN_FOR_THREADS
     in_parallel(work_field, range(len(fields)), worth_it=worth_it)
     known = [spectrum for spectrum in spectra if spectrum is not None]
     size = (1 + rows - canvas[0], 1 + cols - canvas[1])

@@ -21,10 +21,18 @@ from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.birdseye.rectifier import View
 from gip_localizer.core.cell_means import downsampled
 
-LOCAL_MEAN_M = 1.0  # m: side of the square whose mean counts as brightness, not as pattern
-CLIP = 4.0  # robust standard deviations
-NORMALIZED_CLIP = 1.0  # the same for `locally_normalized`; 4 found 4 of 14 frames among cars, 1 11
-LEAST_CONTRAST = 0.3  # of the mean one: less is noise, which is not made as strong as paint
+# Side (m) of the square whose mean counts as brightness and not as pattern (design choice: 1 m,
+# because shadows and exposure vary over larger distances than paint).
+LOCAL_MEAN_M = 1.0
+# Number of robust standard deviations to which patterns are clipped (design choice: 4, because
+# larger values come from cars and glare).
+CLIP = 4.0
+# The same number for `locally_normalized` (measured: 11 of 14 frames among cars are found with 1,
+# and 4 with 4, docs/accuracy.md).
+NORMALIZED_CLIP = 1.0
+# Least local contrast, as a share of the mean one, to which patterns are normalized (no unit;
+# design choice: 0.3, because less is noise, which must not become as strong as paint).
+LEAST_CONTRAST = 0.3
 
 
 def downsampled_view(view: View, weight: Floats, factor: int) -> tuple[View, Floats]:

@@ -25,9 +25,11 @@ from scipy import fft
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.kernels.library import AVAILABLE, pair_planes, sum_complex_products
 
-SIZES_TRIED, MULTIPLE = 8, 4  # sizes that are compared, and their common factor; chosen
+# Number of sizes of a transform that are compared, and their common factor (design choice: 8 and
+# 4, because a fast size is always among them).
+SIZES_TRIED, MULTIPLE = 8, 4
 ODD_COST = {32: 1.0, 16: 1.08, 8: 1.17, 4: 1.17}
-"""Time per cell of sizes that are multiples of so many, and of no more."""
+"""Relative time per cell of transforms, by the largest of these factors of the size (measured)."""
 Plane = NDArray[np.complex64]
 
 
@@ -134,7 +136,7 @@ def _cost(size: int) -> float:
 
 
 class OpenCVTransform:
-    """OpenCV's transform, of whole planes: telling it of zero rows would switch IPP off."""
+    """Transform of OpenCV, of whole planes: its option for zero rows would disable IPP."""
 
     def __init__(self, rows: int, cols: int) -> None:
         self.shape = _quick_size(rows), _quick_size(cols)

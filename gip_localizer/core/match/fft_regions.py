@@ -20,9 +20,11 @@ from gip_localizer.core.arrays import Floats
 
 CUTS = ((0, 1), (0, 1 / 2, 1), (0, 1 / 3, 2 / 3, 1), (0, 1 / 4, 3 / 4, 1), (0, 1 / 6, 5 / 6, 1),
         (0, 1 / 8, 1 / 4, 3 / 4, 7 / 8, 1))
-"""Where yaws may be divided, as shares of them all."""
-YAWS_OF_A_GROUP = 6  # at least
-TRANSFORMS_PER_YAW = 1.5  # of two yaws each, in addition to one per group and field
+"""Divisions of the yaws into groups, as shares of all (design choice: coarser in the middle)."""
+# Least number of yaws of a group (design choice: 6, because a group has transforms of its own).
+YAWS_OF_A_GROUP = 6
+# Number of transforms per yaw: three for every two yaws, as two real planes share one transform.
+TRANSFORMS_PER_YAW = 1.5
 
 
 @dataclass(frozen=True)

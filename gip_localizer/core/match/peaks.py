@@ -15,11 +15,13 @@ Peak = tuple[float, float, float]
 Mode = tuple[float, Peak]
 """Its residual, and where it is."""
 
-PEAK_GAP = (2, 3, 3)  # steps in yaw, x and y by which peaks lie apart
+# Least distance of two peaks (steps in yaw, x and y; design choice: 2, 3 and 3, because nearer
+# peaks belong to one mode).
+PEAK_GAP = (2, 3, 3)
 
 
 def best_peaks(values: Floats, count: int) -> list[tuple[int, int, int]]:
-    """Indices of the largest finite values (yaw, x, y) that lie apart from each other."""
+    """Return indices (yaw, x, y) of the largest finite values that are `PEAK_GAP` apart."""
     left = values.copy()
     chosen: list[tuple[int, int, int]] = []
     for _ in range(count):

@@ -22,11 +22,13 @@ from gip_localizer.core.match.peaks import best_peaks, vertex
 from gip_localizer.core.match.score_surface import Scores
 from gip_localizer.core.pose import difference, Pose2
 
-# Cells per independent cell: texture, blur and paint correlate the residuals of neighbours.
-# Chosen.
+# Number of cells per independent cell (design choice: 9, 3 x 3 cells, because texture, blur and
+# paint correlate the residuals of neighbours).
 CELLS_PER_INDEPENDENT = 9.0
-WINNER_RADIUS_M = 0.2  # half-width of the winning mode in x and y, m; chosen
-WINNER_RADIUS_YAW = 0.03  # half-width of the winning mode in heading, rad; chosen
+# Half-widths of the winning mode in x and y (m) and in yaw (rad; design choice: 0.2 m and 0.03
+# rad, because they contain a peak of the lattice and no other place).
+WINNER_RADIUS_M = 0.2
+WINNER_RADIUS_YAW = 0.03
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,8 +41,12 @@ from gip_localizer.core.threads import in_parallel, WORKERS
 
 __all__ = ['Lattice', 'Scores', 'make_lattice', 'match', 'rotated']
 
-MOST_BY_LOOPS = 200  # translations up to which compiled loops beat transforms (measured)
-WORTH_A_THREAD = 5_000_000  # products, below which threads wait more than they work
+# Largest number of translations for which the compiled loops are used (measured: with more,
+# Fourier transforms are faster).
+MOST_BY_LOOPS = 200
+# Least number of products for which threads are used (design choice: 5,000,000, because with fewer
+# the threads wait longer than they work).
+MIN_FOR_THREADS = 5_000_000
 Keep = Callable[[slice, Residuals], None]
 """Takes yaws (indices) and their residuals (yaws, x, y), valid during the call only."""
 
@@ -164,7 +168,7 @@ def _score_by_loops(scorer: Scorer, affines: list[Floats], canvas: tuple[int, in
 
     count = len(affines)
     products = count * math.prod(size) * math.prod(canvas)
-    parts = WORKERS if products >= WORTH_A_THREAD else 1
+    parts = WORKERS if products >= MIN_FOR_THREADS else 1
     cuts = np.linspace(0, count, min(parts, count) + 1).astype(int).tolist()
     in_parallel(work, [slice(a, b) for a, b in pairwise(cuts)])
 

@@ -20,11 +20,14 @@ from gip_localizer.core.arrays import Floats
 from gip_localizer.core.match.correlation import Term
 from gip_localizer.core.match.template_rotation import Templates
 
-M, MM, KNOWN = 0, 1, 2  # fields: û, û² and 1 on known cells; G, G v and G v² are templates 0, 1, 2
+# Indices (no unit) of the fields û, û² and 1 on known cells; templates 0, 1, 2 are G, G v and G
+# v².
+M, MM, KNOWN = 0, 1, 2
 SUMS: dict[str, Term] = {
     'm': ((0, M),), 'mm': ((0, MM),), 'vm': ((1, M),),
     'w': ((0, KNOWN),), 'v': ((1, KNOWN),), 'vv': ((2, KNOWN),),
 }
+# Names of the sums that an entirely known window leaves to compute.
 ON_KNOWN_MAP = ('m', 'mm', 'vm')
 
 
@@ -75,7 +78,7 @@ class Scorer:
     residual_only : bool
         True: no correlation coefficients; the plain norm then needs a single sum.
     everywhere : bool
-        True: the map is known to be known on all of the window, which is not looked at then.
+        True: all cells of the window are known, and are not checked.
 
     """
 

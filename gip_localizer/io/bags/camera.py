@@ -7,7 +7,8 @@ from __future__ import annotations
 import contextlib
 
 from gip_localizer.core.camera.calibration import Calibration
-from gip_localizer.core.camera.model import CameraModel, Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
+from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.errors import BagError, ParameterError
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.topics import Topics

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gip_localizer.core.arrays import Grey
 from gip_localizer.core.camera.calibration import Calibration
-from gip_localizer.core.camera.model import Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
 from gip_localizer.io.bags.writer import make, make_header
 
 OPTICAL = 'camera_optical_frame'

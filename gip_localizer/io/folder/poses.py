@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gip_localizer.core.camera.model import Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import TrajectoryError
 from gip_localizer.io.trajectory import MAX_GAP_NS, Trajectory

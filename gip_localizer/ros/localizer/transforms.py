@@ -20,7 +20,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
 
-from gip_localizer.core.camera.model import Extrinsics
+from gip_localizer.core.camera.extrinsics import Extrinsics
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import ParameterError
 from gip_localizer.io.messages import stamp_ns

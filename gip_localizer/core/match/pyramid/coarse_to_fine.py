@@ -3,20 +3,20 @@
 """
 The best candidate of a lattice: by scoring all of them, or coarse to fine.
 
-Coarse to fine scores the whole window on larger cells, keeps the best modes, and follows them
-down to the lattice's own cells, where the exact residual decides. What comes back is a local
-minimum of the exact score. That it is the least of all is measured (`gip bench`), not proven: a
-bound from larger cells lets go of the energy inside them, which is most of the noise. Where the
-best of the larger cells does not stand out from the noise, all candidates are scored.
+The coarse-to-fine search scores the whole window on larger cells, keeps the best modes, and
+follows them down to the cells of the lattice, where the exact residual decides. The result is a
+local minimum of the exact score. Whether it is the global minimum is measured (`gip bench`) and
+not proven, because averages over larger cells lose the noise inside them. If the best mode of the
+larger cells does not exceed the noise clearly, all candidates are scored.
 
-For callers that need the winner alone: the localizer reads its posterior off the whole surface,
-and scores that on larger cells (`search`).
+The localizer uses it to search the whole map; around a prior it needs all scores for its
+posterior, and computes them on larger cells (`search`).
 
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 import math
@@ -25,30 +25,60 @@ import cv2
 import numpy as np
 
 from gip_localizer.core.match.lattice import Index
-from gip_localizer.core.match.peaks import Mode, modes_of, Peak, ResidualLookup
+from gip_localizer.core.match.peaks import Mode, modes_of, Peak
 from gip_localizer.core.match.pyramid.level import Level
 from gip_localizer.core.match.pyramid.local_scores import LocalScores
+from gip_localizer.core.match.pyramid.whole_window import (
+    best_of_window,
+    CANDIDATES_PER_MODE,
+    make_scorer,
+)
 from gip_localizer.core.match.score_surface import score_yaws
-from gip_localizer.core.match.scoring import Residuals, Scorer
+from gip_localizer.core.match.scoring import Residuals
 from gip_localizer.core.pose import Pose2
 
-KEPT = (32, 16)  # modes kept of the whole window, and of each level below
-WITHIN = (0.35, 0.15, 0.2)  # over the best, as shares of its depth in the window; last: climbs
-FEW = 200  # translations that are scored all rather than on larger cells
-LEAST_CELLS = 450  # of the view on the largest cells
-MOST_DOWNSAMPLINGS = 4  # levels above the finest one; chosen
-CLIMBED = 4  # starts on the lattice's own cells
-SHALLOW = 0.004  # a neighbour within this share of the least residual: a valley
-LOOSER = 0.8  # larger cells at the edge of the known map may belong to either side
-MAX_CLIMB = 20  # rounds of the last climb
-SMALL_WINDOW = 1.5  # times the turned view: a window prepared once for all climbs
-REACH = 4  # translations about a start that are prepared for its climb
-DOUBT = 500.0  # log likelihood ratio, below which larger cells have been seen to hide the best
-MOST_IN_DOUBT = 5_000_000  # candidates that are all scored in doubt
-CROWD = 4  # candidates looked at per mode kept
-MOST_OF_A_CLIMB = 27  # candidates that a climb scores about its end
-BLOCK_CANDIDATES = 16_000_000  # of the largest cells, scored at once: 64 MB of float32
-LEAST_YAWS = 12  # of a block, of which two more are scored to compare its first and last
+# Number of modes that are kept of the whole window, and of each level below (design choice: 32 and
+# 16; `gip bench` compares the result with that of all candidates).
+KEPT = (32, 16)
+# Largest residual above the best one, as shares of its depth in the window (no unit), of modes of
+# the whole window, of the levels below, and of starts on the finest cells (design choice: 0.35,
+# 0.15 and 0.2, because the order of modes changes less on smaller cells).
+WITHIN = (0.35, 0.15, 0.2)
+# Number of translations that are all scored instead of on larger cells (design choice: 200,
+# because another level would take longer).
+FEW_TRANSLATIONS = 200
+# Least number of cells of the view on the largest cells (design choice: 450, because fewer cells
+# cannot separate the best mode from the noise).
+MIN_CELLS = 450
+# Largest number of levels above the finest one (design choice: 4, because `MIN_CELLS` usually ends
+# the pyramid before).
+MAX_DOWNSAMPLINGS = 4
+# Number of starts on the finest cells (design choice: 4, because their residuals are exact and few
+# modes are near ties).
+CLIMBED = 4
+# Share of the least residual (no unit) within which a neighbour is level with it, so that the
+# climb looks farther (design choice: 0.004, because narrow valleys between lattice points are
+# flat).
+SHALLOW = 0.004
+# Factor on the least overlap for larger cells (no unit; design choice: 0.8, because cells at the
+# edge of the known map may count as known or unknown).
+OVERLAP_SLACK = 0.8
+# Largest number of rounds of a climb (design choice: 20, because starts are few cells away).
+MAX_CLIMB = 20
+# Size of a window, in sizes of the canvas (no unit), up to which it is prepared once for all
+# climbs (design choice: 1.5, because a larger window takes longer than a part for each climb).
+SMALL_WINDOW = 1.5
+# Number of translations around a start that are prepared for its climb (design choice: 4, because
+# most climbs end within them).
+REACH = 4
+# Log likelihood ratio (no unit) below which all candidates are scored (measured: below it larger
+# cells have hidden the best candidate).
+DOUBT = 500.0
+# Largest number of candidates that are all scored in doubt (design choice: 5,000,000, because more
+# take too long).
+MAX_EXHAUSTIVE = 5_000_000
+# Number of candidates that a climb scores around its end: 3 x 3 x 3 neighbours.
+CLIMB_NEIGHBOURS = 27
 
 
 @dataclass(frozen=True)
@@ -59,11 +89,11 @@ class Winner:
     Attributes
     ----------
     index : (int, int, int)
-        Of yaw, x and y in the lattice.
+        Indices of yaw, x and y in the lattice.
     residual : float
-        Its weighted mean square; inf where no candidate overlaps the map enough.
+        Its weighted mean square residual; inf if no candidate overlaps the map enough.
     pose : Pose2
-        Of base in map.
+        Pose of base in map.
 
     """
 
@@ -82,7 +112,7 @@ def exhaustive_winner(level: Level, *, normalized: bool, min_overlap: float) -> 
         place[yaws] = flat.argmin(axis=1)
         least[yaws] = flat[np.arange(len(flat)), place[yaws]]
 
-    scorer = _scorer(level, normalized, min_overlap)
+    scorer = make_scorer(level, normalized, min_overlap)
     score_yaws(scorer, level.grid, level.canvas, level.lattice, keep)
     yaw = int(least.argmin())
     x, y = divmod(int(place[yaw]), level.lattice.shape[2])
@@ -131,16 +161,16 @@ def pyramid_modes(
     kept: tuple[int, int], within: float,
 ) -> list[tuple[float, Pose2]]:
     """
-    Search coarse to fine for places that are better than all about them.
+    Search coarse to fine for the places of local minima.
 
     Parameters
     ----------
     level, normalized, min_overlap, kept
         As for `pyramid_winner`.
     count : int
-        Most places that are returned.
+        Largest number of places that are returned.
     within : float
-        How much worse than the best, as a share of its depth, a mode of the largest cells may be.
+        Largest residual of a mode of the largest cells above the best, as a share of its depth.
 
     Returns
     -------
@@ -155,7 +185,7 @@ def pyramid_modes(
     finite = np.array([place for place in order if np.isfinite(known[place])])
     if not len(finite):
         return []
-    finite = finite[: MOST_OF_A_CLIMB * count]
+    finite = finite[: CLIMB_NEIGHBOURS * count]
     return [(value, level.lattice.pose(np.array(peak)))
             for value, peak in modes_of(finite, known, count)]
 
@@ -164,9 +194,9 @@ def _descend(
     levels: list[Level], normalized: bool, min_overlap: float, kept: tuple[int, int],
     within: float,
 ) -> tuple[list[tuple[float, Index]], float]:
-    """Return where the modes of the larger cells lie on the last level, and the best's depth."""
-    loose = LOOSER * min_overlap
-    modes, depth = _best_of_all(levels[0], normalized, loose, kept[0], within)
+    """Return modes of the larger cells on the last level, and the depth of the best one."""
+    loose = OVERLAP_SLACK * min_overlap
+    modes, depth = best_of_window(levels[0], normalized, loose, kept[0], within)
     for above, below in pairwise(levels[:-1]):
         probe = LocalScores(below, normalized=normalized, min_overlap=loose)
         probe.score(near for _, mode in modes for near in probe.box(_below(above, below, mode)))
@@ -178,14 +208,14 @@ def _descend(
 
 def _in_doubt(level: Level, depth: float, residual: float) -> bool:
     """
-    Whether noise may hide the best on larger cells, and scoring all of them is affordable.
+    Return whether noise may hide the best on larger cells, and all can be scored in time.
 
     With weights that are inverse variances up to a factor, the residual gives the factor, and
     cells / 2 * depth / residual is the logarithm of the likelihood ratio of the best place of
     larger cells and a usual one.
 
     """
-    if math.prod(level.lattice.shape) > MOST_IN_DOUBT:
+    if math.prod(level.lattice.shape) > MAX_EXHAUSTIVE:
         return False
     return bool(0.5 * cv2.countNonZero(level.weight) * depth < DOUBT * residual)
 
@@ -193,7 +223,7 @@ def _in_doubt(level: Level, depth: float, residual: float) -> bool:
 def _climbs(
     level: Level, places: list[Index], normalized: bool, min_overlap: float
 ) -> dict[Index, float]:
-    """Climb from each place on the level's own cells; return what was scored."""
+    """Climb from each place on the cells of the level; return all scored candidates."""
     make = partial(LocalScores, level, normalized=normalized, min_overlap=min_overlap)
     probe = make() if level.window.size <= SMALL_WINDOW * math.prod(level.canvas.shape) else None
     known: dict[Index, float] = probe.known if probe else {}
@@ -213,86 +243,28 @@ def _climbs(
 def _levels(level: Level) -> list[Level]:
     """Return the level and those of larger cells, the largest cells first."""
     levels = [level]
-    while len(levels) <= MOST_DOWNSAMPLINGS and (factor := _factor(levels[0])) > 1:
+    while len(levels) <= MAX_DOWNSAMPLINGS and (factor := _factor(levels[0])) > 1:
         levels.insert(0, levels[0].downsampled(factor))
     return levels
 
 
 def _factor(level: Level) -> int:
-    """Return how many cells may be averaged per side: three where that leaves few translations."""
+    """Return the number of cells averaged per side: three if few translations remain."""
     cells = level.grid.rows * level.grid.cols
     translations = level.lattice.shape[1] * level.lattice.shape[2]
-    if translations <= FEW or cells < 4 * LEAST_CELLS:
+    if translations <= FEW_TRANSLATIONS or cells < 4 * MIN_CELLS:
         return 1
-    return 3 if cells >= 9 * LEAST_CELLS and translations <= 9 * FEW else 2
-
-
-def _scorer(level: Level, normalized: bool, min_overlap: float) -> Scorer:
-    return Scorer(
-        level.values, level.weight, level.window, level.known,
-        normalized=normalized, min_overlap=min_overlap, residual_only=True,
-        everywhere=level.everywhere,
-    )
+    return 3 if cells >= 9 * MIN_CELLS and translations <= 9 * FEW_TRANSLATIONS else 2
 
 
 def _winner(level: Level, index: Index, residual: float) -> Winner:
     return Winner(index, residual, level.lattice.pose(np.array(index, float)))
 
 
-def _best_of_all(
-    level: Level, normalized: bool, min_overlap: float, count: int, within: float
-) -> tuple[list[Mode], float]:
-    """Return the modes of the whole window, best first, and how deep the best lies."""
-    scorer = _scorer(level, normalized, min_overlap)
-    found: list[Mode] = []
-    depths: list[float] = []
-    for yaws, own in _blocks(level.lattice.shape):
-        modes, depth = _best_of_block(level, scorer, yaws, count, within)
-        found += [mode for mode in modes if own.start - 0.5 <= mode[1][0] < own.stop - 0.5]
-        depths.append(depth)
-    return sorted(found)[:count], max(depths)
-
-
-def _blocks(shape: tuple[int, int, int]) -> list[tuple[slice, range]]:
-    """Divide yaws so that memory is bounded: those to be scored, and those of a block alone."""
-    count = shape[0]
-    size = max(BLOCK_CANDIDATES // (shape[1] * shape[2]), LEAST_YAWS)
-    return [
-        (slice(max(first - 1, 0), min(first + size + 1, count)),
-         range(first, min(first + size, count)))
-        for first in range(0, count, size)
-    ]
-
-
-def _best_of_block(
-    level: Level, scorer: Scorer, yaws: slice, count: int, within: float
-) -> tuple[list[Mode], float]:
-    """Return the modes of some yaws, best first, and how deep the best lies."""
-    lattice = replace(level.lattice, yaws=level.lattice.yaws[yaws])
-    residual = np.empty(lattice.shape, np.float32)
-
-    def keep(part: slice, found: Residuals) -> None:
-        residual[part] = found.residual
-
-    score_yaws(scorer, level.grid, level.canvas, lattice, keep)
-    flat = residual.ravel()
-    crowd, middle = min(CROWD * count, flat.size), flat.size // 2
-    order = np.argpartition(flat, crowd - 1)[:crowd]
-    least, usual = float(flat[order].min()), float(np.partition(flat, middle)[middle])
-    if not np.isfinite(least):
-        return [], 0.0
-    depth = usual - least if np.isfinite(usual) else np.inf
-    order = order[flat[order] <= least + within * depth]
-    order = order[np.lexsort((order, flat[order]))]
-    places = np.stack(np.unravel_index(order, residual.shape), axis=1)
-    modes = modes_of(places, ResidualLookup(residual), count)
-    return [(value, (peak[0] + yaws.start, *peak[1:])) for value, peak in modes], depth
-
-
 def _best_known(probe: LocalScores, count: int, above: float) -> list[Mode]:
-    """Return the modes among what was scored, at most so far above the best of them."""
+    """Return the modes among the scored candidates, at most `above` over the best of them."""
     values = probe.known
-    order = sorted(values, key=lambda place: (values[place], place))[: CROWD * count]
+    order = sorted(values, key=lambda place: (values[place], place))[: CANDIDATES_PER_MODE * count]
     if not order or not np.isfinite(values[order[0]]):
         return []
     limit = values[order[0]] + above
@@ -315,9 +287,9 @@ def _below(above: Level, below: Level, peak: Peak) -> Index:
 
 def _climb(probe: LocalScores, place: Index) -> tuple[Index, bool]:
     """
-    Go to the best neighbour until there is no better one; in a flat valley, look farther.
+    Go to the best neighbour until none is better; in a flat valley, also to farther ones.
 
-    The flag is False where the way leaves what the probe holds.
+    The flag is False if the path leaves the prepared candidates.
 
     """
     for _ in range(MAX_CLIMB):

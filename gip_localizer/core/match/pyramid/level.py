@@ -24,8 +24,11 @@ from gip_localizer.core.cell_means import downsampled
 from gip_localizer.core.match.lattice import Lattice, make_canvas, widened
 from gip_localizer.core.pose import Pose2
 
-ORIGIN = Pose2(0.0, 0.0, 0.0)  # any anchor serves, for plans do not depend on it
-CORNER_STEP = 1.5  # cells that the corner of the view may move per yaw; its weight is nearer
+# Anchor (m, m, rad) of the lattice of a plan, which does not depend on it.
+ORIGIN = Pose2(0.0, 0.0, 0.0)
+# Largest displacement (cells) of the corner of the view per yaw (design choice: 1.5, because most
+# of the weight is nearer to the centre).
+CORNER_STEP = 1.5
 
 
 @dataclass(frozen=True, eq=False)

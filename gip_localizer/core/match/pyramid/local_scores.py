@@ -25,9 +25,13 @@ from gip_localizer.core.match.pyramid.level import Level
 from gip_localizer.core.match.scoring import Scorer
 from gip_localizer.core.match.template_rotation import turn_affine
 
-TURNED = np.zeros((2, 3))  # in place of the affine map of a template that is turned already
-SPARE_BUFFERS = 32  # buffers of one shape that are kept; chosen
-SPARE_BYTES = 1 << 20  # of each, at most
+# Affine map (no unit) of a template that is already turned; the kernel does not read it.
+TURNED = np.zeros((2, 3))
+# Largest number of buffers of one shape that are kept (design choice: 32, one per kept mode).
+SPARE_BUFFERS = 32
+# Largest size (bytes) of a buffer that is kept (design choice: 1 MiB, which bounds the memory to
+# 32 MiB).
+SPARE_BYTES = 1 << 20
 
 
 Rectangle = tuple[int, int, int, int]
@@ -79,7 +83,7 @@ def _buffers_of(shape: tuple[int, int, int]) -> _Buffers:
 
 class LocalScores:
     """
-    Residuals of chosen candidates of a level.
+    Residuals of selected candidates of a level.
 
     Parameters
     ----------
