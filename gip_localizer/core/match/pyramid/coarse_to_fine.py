@@ -17,7 +17,6 @@ posterior, and computes them on larger cells (`search`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 import math
 
@@ -26,7 +25,8 @@ import numpy as np
 
 from gip_localizer.core.match.lattice import Index
 from gip_localizer.core.match.peaks import Mode, modes_of, Peak
-from gip_localizer.core.match.pyramid.level import Level
+from gip_localizer.core.match.pyramid.climb import climb_all
+from gip_localizer.core.match.pyramid.level import Level, pyramid_levels
 from gip_localizer.core.match.pyramid.local_scores import LocalScores
 from gip_localizer.core.match.pyramid.whole_window import (
     best_of_window,
@@ -44,33 +44,12 @@ KEPT = (32, 16)
 # the whole window, of the levels below, and of starts on the finest cells (design choice: 0.35,
 # 0.15 and 0.2, because the order of modes changes less on smaller cells).
 WITHIN = (0.35, 0.15, 0.2)
-# Number of translations that are all scored instead of on larger cells (design choice: 200,
-# because another level would take longer).
-FEW_TRANSLATIONS = 200
-# Least number of cells of the view on the largest cells (design choice: 450, because fewer cells
-# cannot separate the best mode from the noise).
-MIN_CELLS = 450
-# Largest number of levels above the finest one (design choice: 4, because `MIN_CELLS` usually ends
-# the pyramid before).
-MAX_DOWNSAMPLINGS = 4
 # Number of starts on the finest cells (design choice: 4, because their residuals are exact and few
 # modes are near ties).
 CLIMBED = 4
-# Share of the least residual (no unit) within which a neighbour is level with it, so that the
-# climb looks farther (design choice: 0.004, because narrow valleys between lattice points are
-# flat).
-SHALLOW = 0.004
 # Factor on the least overlap for larger cells (no unit; design choice: 0.8, because cells at the
 # edge of the known map may count as known or unknown).
 OVERLAP_SLACK = 0.8
-# Largest number of rounds of a climb (design choice: 20, because starts are few cells away).
-MAX_CLIMB = 20
-# Size of a window, in sizes of the canvas (no unit), up to which it is prepared once for all
-# climbs (design choice: 1.5, because a larger window takes longer than a part for each climb).
-SMALL_WINDOW = 1.5
-# Number of translations around a start that are prepared for its climb (design choice: 4, because
-# most climbs end within them).
-REACH = 4
 # Log likelihood ratio (no unit) below which all candidates are scored (measured: below it larger
 # cells have hidden the best candidate).
 DOUBT = 500.0
@@ -140,14 +119,14 @@ def pyramid_winner(
         The least exact residual among its 26 neighbours on the lattice.
 
     """
-    levels = _levels(level)
+    levels = pyramid_levels(level)
     if len(levels) == 1:
         return exhaustive_winner(level, normalized=normalized, min_overlap=min_overlap)
     count = kept[0] if len(levels) > 2 else min(2 * CLIMBED, kept[0])
     modes, depth = _descend(levels, normalized, min_overlap, (count, kept[1]), WITHIN[0])
     places = [place for value, place in modes[:CLIMBED]
               if value <= modes[0][0] + WITHIN[2] * depth]
-    known = _climbs(level, places, normalized, min_overlap)
+    known = climb_all(level, places, normalized, min_overlap)
     if not known:
         return _winner(level, (0, 0, 0), np.inf)
     winner = min(known, key=lambda place: (known[place], place))
@@ -178,9 +157,9 @@ def pyramid_modes(
         Exact residual, and pose between the candidates; best first, none twice.
 
     """
-    levels = _levels(level)
+    levels = pyramid_levels(level)
     modes, _ = _descend(levels, normalized, min_overlap, kept, within)
-    known = _climbs(level, [place for _, place in modes], normalized, min_overlap)
+    known = climb_all(level, [place for _, place in modes], normalized, min_overlap)
     order = sorted(known, key=lambda place: (known[place], place))
     finite = np.array([place for place in order if np.isfinite(known[place])])
     if not len(finite):
@@ -220,43 +199,6 @@ def _in_doubt(level: Level, depth: float, residual: float) -> bool:
     return bool(0.5 * cv2.countNonZero(level.weight) * depth < DOUBT * residual)
 
 
-def _climbs(
-    level: Level, places: list[Index], normalized: bool, min_overlap: float
-) -> dict[Index, float]:
-    """Climb from each place on the cells of the level; return all scored candidates."""
-    make = partial(LocalScores, level, normalized=normalized, min_overlap=min_overlap)
-    probe = make() if level.window.size <= SMALL_WINDOW * math.prod(level.canvas.shape) else None
-    known: dict[Index, float] = probe.known if probe else {}
-    for place in places:
-        done = place in known
-        while not done:
-            near = probe or make(about=place, reach=REACH)
-            near.known = known
-            place, done = _climb(near, place)
-            if near is not probe:
-                near.close()
-    if probe:
-        probe.close()
-    return known
-
-
-def _levels(level: Level) -> list[Level]:
-    """Return the level and those of larger cells, the largest cells first."""
-    levels = [level]
-    while len(levels) <= MAX_DOWNSAMPLINGS and (factor := _factor(levels[0])) > 1:
-        levels.insert(0, levels[0].downsampled(factor))
-    return levels
-
-
-def _factor(level: Level) -> int:
-    """Return the number of cells averaged per side: three if few translations remain."""
-    cells = level.grid.rows * level.grid.cols
-    translations = level.lattice.shape[1] * level.lattice.shape[2]
-    if translations <= FEW_TRANSLATIONS or cells < 4 * MIN_CELLS:
-        return 1
-    return 3 if cells >= 9 * MIN_CELLS and translations <= 9 * FEW_TRANSLATIONS else 2
-
-
 def _winner(level: Level, index: Index, residual: float) -> Winner:
     return Winner(index, residual, level.lattice.pose(np.array(index, float)))
 
@@ -283,22 +225,3 @@ def _below(above: Level, below: Level, peak: Peak) -> Index:
         zip(peak[1:], above.lattice.half, below.lattice.half, strict=True)
     )
     return yaw, x, y
-
-
-def _climb(probe: LocalScores, place: Index) -> tuple[Index, bool]:
-    """
-    Go to the best neighbour until none is better; in a flat valley, also to farther ones.
-
-    The flag is False if the path leaves the prepared candidates.
-
-    """
-    for _ in range(MAX_CLIMB):
-        if not probe.holds(place):
-            return place, False
-        before = place
-        place = probe.best_about(before)
-        if place == before and probe.is_shallow(place, SHALLOW):
-            place = probe.best_about(before, reach=2)
-        if place == before:
-            break
-    return place, True

@@ -29,6 +29,15 @@ ORIGIN = Pose2(0.0, 0.0, 0.0)
 # Largest displacement (cells) of the corner of the view per yaw (design choice: 1.5, because most
 # of the weight is nearer to the centre).
 CORNER_STEP = 1.5
+# Number of translations that are all scored instead of on larger cells (design choice: 200,
+# because another level would take longer).
+FEW_TRANSLATIONS = 200
+# Least number of cells of the view on the largest cells (design choice: 450, because fewer cells
+# cannot separate the best mode from the noise).
+MIN_CELLS = 450
+# Largest number of levels above the finest one (design choice: 4, because `MIN_CELLS` usually ends
+# the pyramid before).
+MAX_DOWNSAMPLINGS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,3 +151,20 @@ def _stride(grid: Grid, yaws: Floats, pivot: float, factor: int) -> int:
     corner = math.hypot(length, 0.5 * grid.cols * grid.resolution)
     step = CORNER_STEP * factor * grid.resolution / corner
     return max(min(int(step / float(yaws[1] - yaws[0])), len(yaws) // 2), 1)
+
+
+def pyramid_levels(level: Level) -> list[Level]:
+    """Return the level and those of larger cells, the largest cells first."""
+    levels = [level]
+    while len(levels) <= MAX_DOWNSAMPLINGS and (factor := _factor(levels[0])) > 1:
+        levels.insert(0, levels[0].downsampled(factor))
+    return levels
+
+
+def _factor(level: Level) -> int:
+    """Return the number of cells averaged per side: three if few translations remain."""
+    cells = level.grid.rows * level.grid.cols
+    translations = level.lattice.shape[1] * level.lattice.shape[2]
+    if translations <= FEW_TRANSLATIONS or cells < 4 * MIN_CELLS:
+        return 1
+    return 3 if cells >= 9 * MIN_CELLS and translations <= 9 * FEW_TRANSLATIONS else 2
