@@ -12,6 +12,7 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.map.versions import doubled_map, smoothed_map
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import MapError
 
@@ -145,7 +146,7 @@ def test_half_cells_lie_on_the_splines_through_the_cells():
     half = np.meshgrid(*((np.arange(2 * n) - 0.5) / 2.0 for n in GREY.shape), indexing='ij')
     expected = map_coordinates(GREY, half, order=3, mode='nearest')
     inside = np.s_[12:-12, 12:-12]
-    np.testing.assert_allclose(raster_map.doubled().grey[inside], expected[inside], atol=2e-3)
+    np.testing.assert_allclose(doubled_map(raster_map).grey[inside], expected[inside], atol=2e-3)
 
 
 def test_a_crop_off_the_map_is_none():
@@ -188,10 +189,10 @@ def test_noise_goes_with_a_map_and_falls_with_averaging():
     same, joined = (raster_map.crop(corners, margin=0.2, cell=cell) for cell in (0.05, 0.2))
     np.testing.assert_allclose(same.noise, 0.2, rtol=1e-6)
     assert same.noise.shape == same.grey.shape
-    assert same.doubled().noise.shape == same.doubled().grey.shape
+    assert doubled_map(same).noise.shape == doubled_map(same).grey.shape
     # 2 x 2 cells are joined, and smoothed to as many again
     np.testing.assert_allclose(joined.noise, 0.2 / 4.0, rtol=1e-5)
-    np.testing.assert_allclose(same.smoothed(0.1, 0.05).noise, 0.1, rtol=1e-6)
+    np.testing.assert_allclose(smoothed_map(same, 0.1, 0.05).noise, 0.1, rtol=1e-6)
 
 
 @pytest.mark.parametrize(('cells', 'done'), [
@@ -208,7 +209,7 @@ def test_a_map_finer_than_the_view_is_smoothed_once(cells, done, kind):
     first, *others = cells
     raster_map = RasterMap(grey, 0.05, noise=noise).cut(box, first)
     for cell in others:
-        raster_map = raster_map.smoothed(cell, first)
+        raster_map = smoothed_map(raster_map, cell, first)
     values = raster_map.grey.astype(float)
     np.testing.assert_allclose(values.sum(), 200.0 / 255.0, rtol=1e-4)
     offsets = np.arange(81) - 40.0

@@ -90,6 +90,7 @@ def load() -> ctypes.CDLL | None:
 
 
 _LIBRARY = load()
+# Whether the compiled loops are built and not disabled.
 AVAILABLE = _LIBRARY is not None
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.map.versions import blurred_slopes, doubled_map, smoothed_map
 
 # Largest error of a pose by interpolation between cell centres (peak locking), in cells, for cells
 # of the map and for cells of half their side (measured on rendered frames).
@@ -37,9 +38,9 @@ class Crop:
     def for_cells(self, resolution: float) -> RasterMap:
         """Return the part smoothed for cells of a side (m), on half cells within `DOUBLED`."""
         if resolution not in self._smoothed:
-            smoothed = self.part.smoothed(resolution, self._cell)
+            smoothed = smoothed_map(self.part, resolution, self._cell)
             if self._is_doubled(resolution):
-                smoothed = smoothed.doubled()
+                smoothed = doubled_map(smoothed)
             self._smoothed[resolution] = smoothed
         return self._smoothed[resolution]
 
@@ -52,8 +53,8 @@ class Crop:
         return DOUBLED[0] <= resolution / self.part.resolution < DOUBLED[1]
 
     def blurred_slopes(self, resolution: float) -> tuple[Floats, Floats]:
-        """Return slopes of `for_cells`, blurred by a cell (`RasterMap.blurred_slopes`)."""
+        """Return slopes of `for_cells`, blurred by a cell (`versions.blurred_slopes`)."""
         if resolution not in self._blurred:
             smoothed = self.for_cells(resolution)
-            self._blurred[resolution] = smoothed.blurred_slopes(self.part.resolution)
+            self._blurred[resolution] = blurred_slopes(smoothed, self.part.resolution)
         return self._blurred[resolution]

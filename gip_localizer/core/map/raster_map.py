@@ -16,7 +16,6 @@ import math
 import mmap
 from typing import Any
 
-import cv2
 import numpy as np
 
 from gip_localizer.core.arrays import Bools, Floats, Grey, WHITE
@@ -24,12 +23,8 @@ from gip_localizer.core.map.bilinear import corners, Samples
 from gip_localizer.core.map.map_check import check_map
 from gip_localizer.core.map.resampling import (
     averaged_noise,
-    blurred,
-    doubled,
     downsampled_known,
-    repeated,
     scaled,
-    slopes,
     smoothed,
 )
 from gip_localizer.core.pose import Pose2
@@ -198,57 +193,6 @@ class RasterMap:
         values, valid = smoothed(values, valid, cell / resolution)
         origin = Pose2(float(corner[0]), float(corner[1]), self.origin.yaw)
         return RasterMap(values, resolution, origin, valid, noise)
-
-    def smoothed(self, cell: float, before: float) -> RasterMap:
-        """
-        Return the map (float32) smoothed for larger cells, at its own resolution.
-
-        Parameters
-        ----------
-        cell, before : float
-            Side of the cells (m) that are compared, and for which `cut` has smoothed the map.
-
-        """
-        ratio, done = (max(side / self.resolution, 1.0) for side in (cell, before))
-        values, valid = smoothed(scaled(self.grey), self.valid, ratio, done)
-        noise = None if self.noise is None else averaged_noise(self.noise, 1, ratio / done)
-        return RasterMap(values, self.resolution, self.origin, valid, noise)
-
-    def blurred_slopes(self, sigma: float) -> tuple[Floats, Floats]:
-        """
-        Return slopes of the map after a Gaussian filter, between each cell and the next ones.
-
-        Parameters
-        ----------
-        sigma : float
-            Standard deviation of the filter, m.
-
-        Returns
-        -------
-        (rows, cols) float32
-            Slope down the rows, per cell; the map must be float32.
-        (rows, cols) float32
-            Slope to the right along the columns, per cell.
-
-        """
-        values, _ = blurred(self.grey, self.valid, sigma / self.resolution)
-        return slopes(values)
-
-    def doubled(self) -> RasterMap:
-        """
-        Return the map (float32) on cells of half the side, by cubic splines.
-
-        Bilinear interpolation blurs between cell centres and not at them, which biases a match
-        towards one of them (peak locking). With cells of half the side this bias is small.
-
-        """
-        valid = None
-        if self.valid is not None:
-            whole = cv2.erode(self.valid.astype(np.uint8), np.ones((3, 3), np.uint8))
-            valid = repeated(whole > 0)
-        noise = None if self.noise is None else repeated(self.noise)
-        values = doubled(scaled(self.grey))
-        return RasterMap(values, 0.5 * self.resolution, self.origin, valid, noise)
 
     def sample(self, xy_map: Floats) -> tuple[Floats, Bools]:
         """

@@ -27,8 +27,7 @@ from gip_localizer.core.pose import difference, Pose2
 CELLS_PER_INDEPENDENT = 9.0
 # Half-widths of the winning mode in x and y (m) and in yaw (rad; design choice: 0.2 m and 0.03
 # rad, because they contain a peak of the lattice and no other place).
-WINNER_RADIUS_M = 0.2
-WINNER_RADIUS_YAW = 0.03
+WINNER_RADIUS_M, WINNER_RADIUS_YAW = 0.2, 0.03
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,7 +105,7 @@ class Layer:
     locking : float
         Largest error (m) of a pose that interpolation between its cell centres may cause.
     blurred_slopes : ((rows, cols) float32, (rows, cols) float32) or None
-        `RasterMap.blurred_slopes` of the map, for cells whose error comes from the map; None:
+        `versions.blurred_slopes` of the map, for cells whose error comes from the map; None:
         not used.
     pixel_share : (n,) float32
         Share of the variance of the cells that pixels cause and not the map.
