@@ -5,11 +5,14 @@
 from __future__ import annotations
 
 from gip_localizer.core.birdseye.rectifier import Rectifier
-from gip_localizer.core.birdseye.view_choice import complete_view
+from gip_localizer.core.birdseye.view_choice import complete_view, fitting_view
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.refine.refiner import Refiner
 from gip_localizer.errors import CalibrationError, ParameterError
 from gip_localizer.parameters import Birdseye, Parameters
+
+LEAST_INSIDE = 0.05
+"""Least share of the cells of a view inside the image; chosen: with fewer a match is luck."""
 
 
 class CalibratedView:
@@ -46,7 +49,7 @@ class CalibratedView:
         self._inputs = _relevant(camera, parameters)
         self.birdseye = complete_view(parameters.birdseye, camera, map_resolution)
         _check(parameters, self.birdseye)
-        self.rectifier = Rectifier(camera, self.birdseye)
+        self.rectifier = _rectifier(camera, self.birdseye, map_resolution)
         self.refiner = Refiner(
             self.rectifier, parameters.camera_motion,
             normalized=parameters.score.normalized,
@@ -57,6 +60,21 @@ class CalibratedView:
     def matches(self, camera: CameraModel, parameters: Parameters) -> bool:
         """Return whether this was computed for the same calibration and parameters."""
         return self._inputs == _relevant(camera, parameters)
+
+
+def _rectifier(camera: CameraModel, view: Birdseye, map_resolution: float) -> Rectifier:
+    """Return the rectifier of a view that lies inside the image (raises CalibrationError)."""
+    try:
+        rectifier = Rectifier(camera, view)
+    except CalibrationError as error:
+        raise CalibrationError(f'{error}; {fitting_view(camera, map_resolution)}') from None
+    inside = float(rectifier.valid.mean())
+    if inside < LEAST_INSIDE:
+        raise CalibrationError(
+            f'{100.0 * (1.0 - inside):.0f} % of the cells of the view lie outside the image; '
+            f'{fitting_view(camera, map_resolution)}'
+        )
+    return rectifier
 
 
 def _check(parameters: Parameters, view: Birdseye) -> None:

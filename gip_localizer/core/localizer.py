@@ -90,6 +90,11 @@ class Localizer:
         """
         self.state.start_from(checked_prior(stamp_ns, pose, covariance))
 
+    @property
+    def prepared(self) -> CalibratedView | None:
+        """What is precomputed for the last camera; None if it cannot be used."""
+        return self._prepared
+
     def prepare(self, camera: CameraModel) -> None:
         """Precompute what a camera needs before its first frame."""
         self._prepare(0, camera)

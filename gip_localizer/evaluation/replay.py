@@ -169,10 +169,15 @@ class Replay:
             title=title, estimates=self.estimates, parameters=self.parameters, truth=self.truth,
             raster_map=self.raster_map, exhibits=self._worst.exhibits(),
             wall_seconds=self._seconds, complete=self._complete, sources=sources, wrong=self.wrong,
-            notes=[*notes, *self._notes, *self.bag.notes, *self._unusable(),
+            notes=[*notes, *self._view(), *self._notes, *self.bag.notes, *self._unusable(),
                    *self._truth_elsewhere(), *self._withheld(),
                    *correction_notes(self.estimates, self.parameters)],
         )
+
+    def _view(self) -> list[str]:
+        """Return the view in words, if it is known."""
+        text = self._dispatch.frontend.view.text
+        return [text] if text else []
 
     def _role(self, raw: BagMessage) -> str:
         """Return the role of a message for the localizer."""

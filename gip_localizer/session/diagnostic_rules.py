@@ -120,6 +120,10 @@ CALIBRATION = DiagnosticGroup('calibration', (
          withheld=False),
     Rule('LENS_UNNAMED', W, 'distortion_model of camera_info is empty; D is used as the one model '
          'that takes as many numbers', withheld=False),
+    Rule('VIEW_OUTSIDE_IMAGE', W, 'more than half of the cells of a given birdseye.* lie outside '
+         'the image', withheld=False),
+    Rule('VIEW_CELLS', W, 'the given birdseye.resolution is below half, or above four times, the '
+         'side of a map cell', withheld=False),
     Rule('RECTIFIED_DIFFERS', W, 'the name of the image topic suggests rectified images and '
          'camera.rectified is false, or the reverse', withheld=False),
     Rule('NO_CAMERA_TF', E, 'camera.from_tf is set, and the transform is unknown'),

@@ -30,6 +30,7 @@ from gip_localizer.session.initial_pose import prior_of
 from gip_localizer.session.input_checks import LEAST_REPEATS, odometry_warnings, RepeatedImages
 from gip_localizer.session.mask_sync import Masked
 from gip_localizer.session.masks import both, fitting, mask_image, MaskError
+from gip_localizer.session.view_report import ViewReport
 
 UNSTAMPED = (
     'images are not stamped: header.stamp is 0; the camera driver must set it to the time of '
@@ -65,6 +66,8 @@ class Frontend:
         The last image; None if it could not be decoded.
     camera_frame : str
         frame_id of its header.
+    view : ViewReport
+        Description of the view in use.
     warnings : dict
         Rule of `gip_localizer.session.diagnostic_rules` → detail, of the last frame.
 
@@ -77,6 +80,7 @@ class Frontend:
         self.warnings: dict[str, str] = {}
         self.image: Grey | None = None
         self.camera_frame = ''
+        self.view = ViewReport()
         self._repeats = RepeatedImages()
         self._depth = BitDepth()
         self._calibration: Calibration | None = None
@@ -133,6 +137,7 @@ class Frontend:
         # Precompute before the first frame; that frame reports any error.
         with contextlib.suppress(CalibrationError):
             self.localizer.prepare(self._calibrated_camera())
+            self.view.update(self.localizer)
 
     def on_odometry(self, message: Any) -> None:
         """Use a nav_msgs/Odometry."""
@@ -207,7 +212,10 @@ class Frontend:
             return Estimate(stamp, Status.FROZEN_IMAGE, frozen)
         if self._repeats.repeats >= LEAST_REPEATS:
             self.warnings['REPEATED_IMAGES'] = f'{self._repeats.repeats} in a row'
-        return self.localizer.update(stamp, image, camera, mask=mask)
+        estimate = self.localizer.update(stamp, image, camera, mask=mask)
+        self.view.update(self.localizer)
+        self.warnings |= self.view.warnings
+        return estimate
 
     def _at_full_scale(self, image: Grey) -> Grey:
         scaled = self._depth.scaled(image)

@@ -113,6 +113,18 @@ def complete_view(
     return view
 
 
+def fitting_view(camera: CameraModel, map_resolution: float) -> str:
+    """Return in words which view would fit a camera; why none does if it sees no road."""
+    try:
+        view = choose_view(camera, map_resolution)
+    except CalibrationError as error:
+        return str(error)
+    return (
+        f'birdseye.near {view.near:.3g}, far {view.far:.3g}, half_width {view.half_width:.3g} '
+        'would fit (0: automatic)'
+    )
+
+
 def _rounded(side: float) -> float:
     """Return the side of a cell, metres, with two digits."""
     return float(f'{side:.2g}')

@@ -79,6 +79,7 @@ class Localization:
         )
         self._dispatch.keep_state(partial(self._health.add_event, 'STATE_REFUSED'))
         self._wire()
+        self._view_text = ''
         self._log_start()
 
     def _wire(self) -> None:
@@ -119,6 +120,13 @@ class Localization:
             f'map {self._parameters.map_file}: {cols} x {rows} cells of '
             f'{raster_map.resolution:g} m; waiting for {self._inputs.image_topic}'
         )
+
+    def _log_view(self) -> None:
+        """Log the view once when it is known, and again when it changes."""
+        view = self._dispatch.frontend.view
+        if view.text != self._view_text:
+            self._view_text = view.text
+            self._node.get_logger().info(view.text)
 
     def check(self, parameters: Parameters) -> None:
         """
@@ -228,6 +236,7 @@ class Localization:
         self._health.on_time_jump(-jump.delta.nanoseconds * 1e-9)
 
     def _publish_changes(self) -> None:
+        self._log_view()
         self._update_inputs()
         self._diagnostics.publish_changes()
 
