@@ -27,12 +27,13 @@ from gip_localizer.cli import (
     params,
     replay,
     simulate,
+    suggest,
 )
 from gip_localizer.core.threads import use_one_library_thread
 from gip_localizer.errors import GipError
 
 VERBS = (
-    demo, doctor, simulate, import_folder, replay, compare, build_map, check_calibration,
+    demo, doctor, simulate, import_folder, replay, compare, build_map, check_calibration, suggest,
     evaluate, paper, params, bench,
 )
 INTERRUPTED = 130

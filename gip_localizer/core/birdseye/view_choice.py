@@ -31,8 +31,8 @@ LEAST_PIXELS = 1.0
 """Least footprint of a useful cell, square pixels; neighbours with less share their pixels, so
 that a second one adds little (see the paper: the weight of a cell is its footprint)."""
 MOST_CELLS = 16_000
-"""Largest number of useful cells of a chosen view; chosen from the time of a frame, which is
-proportional to it (docs/accuracy.md has the measurement)."""
+"""Largest number of useful cells of a chosen view; chosen: half of the 32,000 of the view that the
+benchmark measures, because the time of a frame is about proportional to it."""
 COARSEST = 4.0
 """Largest side of a chosen cell, in sides of the map's cell; chosen: larger cells average away
 what the map shows of the road; the view gets shorter instead."""
