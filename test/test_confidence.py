@@ -13,7 +13,7 @@ from gip_localizer.core.belief import Belief
 from gip_localizer.core.confidence import confidence
 from gip_localizer.core.confidence_terms import OFFSET, TERMS
 from gip_localizer.core.estimate import Status
-from gip_localizer.core.integrity import judge
+from gip_localizer.core.integrity import below, judge
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.pose import Pose2
 from gip_localizer.evaluation.confidence import trials
@@ -258,3 +258,11 @@ def test_less_confidence_is_enough_where_a_tight_prior_expects_the_match(
         prior = Belief(S, there, covariance)
     verdict = judge(search[0], found, PARAMETERS, prior=prior)
     assert (verdict.status is Status.TRACKING) == believed, verdict.reason
+
+
+@pytest.mark.parametrize(('value', 'limit', 'text'), [
+    (0.5, 0.9, '0.50'), (0.899, 0.9, '0.899'), (0.99985, 0.9999, '0.99985'),
+    (0.89999999, 0.9, '0.900000'),
+])
+def test_a_confidence_below_its_limit_is_printed_below_it(value, limit, text):
+    assert below(value, limit) == text

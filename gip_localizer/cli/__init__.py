@@ -29,6 +29,7 @@ from gip_localizer.cli import (
     simulate,
     suggest,
 )
+from gip_localizer.cli.examples import add_examples
 from gip_localizer.core.threads import use_one_library_thread
 from gip_localizer.errors import GipError
 
@@ -53,6 +54,7 @@ def build_parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(title='verbs', metavar='VERB', required=True)
     for verb in VERBS:
         verb.add_parser(verbs)
+    add_examples(verbs.choices)
     return parser
 
 

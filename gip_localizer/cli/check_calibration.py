@@ -27,6 +27,8 @@ def add_parser(verbs: Any) -> None:
     parser = verbs.add_parser(
         'check-calibration',
         help='draw the road plane over a frame, and measure the pitch error from lane lines',
+        description='Draw the road plane over a frame of a bag, and measure from lane lines how '
+                    'far the pitch of the camera is off.',
     )
     parser.add_argument('bag', type=user_path, nargs='+', metavar='BAG',
                         help='drive that includes a straight road with two lane lines')

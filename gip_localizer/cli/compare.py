@@ -18,7 +18,9 @@ MARK = 'compare.html'
 def add_parser(verbs: Any) -> None:
     """Add the verb to the parser of `gip`."""
     parser = verbs.add_parser(
-        'compare', help='compare results folders: metrics, parameters, one chart'
+        'compare', help='compare results folders: metrics, parameters, one chart',
+        description='Print the figures of two or more results folders next to each other, with '
+                    'the parameters that differ, and draw one chart.',
     )
     parser.add_argument('runs', nargs='+', type=user_path, metavar='RUN', help='a results folder')
     parser.add_argument('--out', type=user_path, default=DEFAULT_OUT, metavar='DIR',

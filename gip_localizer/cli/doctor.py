@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 LOOP_SECONDS = 12.0
 """Longest time of the loop, seconds; the other checks and the end take 2 to 3 s."""
 EXAMPLES = """examples:
-  gip doctor                           this machine, with a short loop of camera, node and judge
+  gip doctor                           this machine, with a short loop of camera, node, observer
   gip doctor --no-loop                 this machine, without the loop (2 s)
   gip doctor --topics                  the stack that runs now: topics, rates, QoS, clock, map
   gip doctor --topics --params my.yaml --image-topic /front/image_raw
@@ -38,7 +38,7 @@ def add_parser(verbs: Any) -> None:
         epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument('--no-loop', action='store_true',
-                        help='leave out the loop of camera, node and judge over DDS')
+                        help='leave out the loop of camera, node and observer over DDS')
     stack = parser.add_argument_group('a running stack')
     stack.add_argument('--topics', action='store_true',
                        help='check the topics of the graph that ROS_DOMAIN_ID names')

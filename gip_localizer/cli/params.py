@@ -14,7 +14,10 @@ from gip_localizer.parameters.yaml_files import user_path
 
 def add_parser(verbs: Any) -> None:
     """Add the verb to the parser of `gip`."""
-    parser = verbs.add_parser('params', help='all parameters, with defaults, ranges and units')
+    parser = verbs.add_parser(
+        'params', help='all parameters, with defaults, ranges and units',
+        description='Print the parameters of an executable, or write the files of the project.',
+    )
     parser.add_argument(
         '--node', choices=('localizer', 'synthetic_camera', 'bag_player'), default='localizer',
         help='node whose parameters are printed (default: localizer)',

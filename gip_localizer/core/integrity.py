@@ -197,8 +197,16 @@ def _too_little_confidence(
     if alone >= least:
         return Status.AMBIGUOUS, (
             'another place in the window matches nearly as well (likeness '
-            f'{quality["competitor"]:.2f}): confidence {quality["confidence"]:.2f} is below '
-            f'{limit}, without it {alone:.2f}'
+            f'{quality["competitor"]:.2f}): confidence {below(quality["confidence"], least)} is '
+            f'below {limit}, without it {alone:.2f}'
         )
     figures = ', '.join(f'{term.figure} {quality[term.figure]:.2f}' for term in TERMS)
-    return Status.NO_MATCH, f'confidence {quality["confidence"]:.2f} is below {limit} ({figures})'
+    return Status.NO_MATCH, (
+        f'confidence {below(quality["confidence"], least)} is below {limit} ({figures})'
+    )
+
+
+def below(value: float, limit: float) -> str:
+    """Return a value below a limit with as many digits, 2 to 6, as show that it is below."""
+    texts = (f'{value:.{digits}f}' for digits in range(2, 7))
+    return next((text for text in texts if float(text) < limit), f'{value:.6f}')

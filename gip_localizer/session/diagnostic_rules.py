@@ -104,7 +104,7 @@ CAMERA = DiagnosticGroup('camera', (
     'frames': ('', 'images received'),
     'image_age': ('s', 'time since the last image'),
     'image_delay': ('s', 'clock minus stamp at the arrival of the last image'),
-    'image_rate': ('1/s', 'images per second of their stamps'),
+    'image_rate': ('1/s', 'rate of the camera by its stamps; dropped images do not lower it'),
     'images_refused': ('', 'images that could not be used'),
     'masks': ('', 'images whose mask arrived'),
     'masks_refused': ('', 'images without a usable mask, where one is required'),
@@ -175,10 +175,11 @@ ODOMETRY = DiagnosticGroup('odometry', (
 MATCH = DiagnosticGroup('match', (
     Rule(Status.LOW_CONTRAST, E, 'the view is flat, dark or saturated (below '
          'integrity.min_contrast), or masked altogether'),
-    Rule(Status.NO_MATCH, E, 'the map does not explain the view: below '
-         'integrity.min_confidence'),
-    Rule(Status.AMBIGUOUS, E, 'another place explains the view nearly as well: below '
-         'integrity.min_confidence because of it'),
+    Rule(Status.NO_MATCH, E, 'the confidence is below integrity.min_confidence (or '
+         'min_confidence_tracking where earlier poses expect the match), the refinement did not '
+         'converge, the match lies outside the window, or other places match nearly as well'),
+    Rule(Status.AMBIGUOUS, E, 'another place matches the view nearly as well: the confidence '
+         'is therefore below integrity.min_confidence'),
     Rule(Status.UNCERTAIN, E, 'the covariance exceeds integrity.max_sigma_xy or max_sigma_yaw'),
     Rule(Status.CONFIRMING, W, 'a pose found on the whole map waits for recovery.confirm_frames'),
     Rule(Status.LOST, E, 'integrity.lost_after frames in a row without a fix'),
