@@ -30,8 +30,8 @@ from gip_localizer.core.refine.fit import Fit
 from gip_localizer.core.search.search_result import SearchResult
 from gip_localizer.parameters import Parameters
 
-# Least margin (no unit) of a match that no earlier fix supports (measured: it withholds all wrong
-# first matches of 14,000 trials with known truth, docs/accuracy.md).
+# Least margin (no unit) of a match that no earlier fix supports (measured: with the limits below
+# it withholds all wrong first matches of 14,000 trials with known truth, docs/accuracy.md).
 FIRST_MARGIN = 0.384
 # Largest likeness of another place (no unit, 1: equal) with which a match is published (measured:
 # wrong poses had 0.75 to 0.78, docs/accuracy.md).

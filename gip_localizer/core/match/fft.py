@@ -29,7 +29,7 @@ from gip_localizer.core.kernels.library import AVAILABLE, pair_planes, sum_compl
 # 4, because a fast size is always among them).
 SIZES_TRIED, MULTIPLE = 8, 4
 ODD_COST = {32: 1.0, 16: 1.08, 8: 1.17, 4: 1.17}
-"""Relative time per cell of transforms, by the largest of these factors of the size (measured)."""
+"""Relative time per cell of transforms, by the largest of these factors of the size (design choice: estimates of the time)."""
 Plane = NDArray[np.complex64]
 
 
@@ -115,7 +115,7 @@ def _quick_size(least: int) -> int:
     Return a size of at least this that IPP transforms fast.
 
     Small prime factors are up to six times faster than others, and many factors of two faster
-    again by what `ODD_COST` says (measured).
+    again by what `ODD_COST` says (design choice: estimates of the time).
 
     """
     first = -(-least // MULTIPLE) * MULTIPLE

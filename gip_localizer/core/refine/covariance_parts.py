@@ -12,10 +12,10 @@ from gip_localizer.core.refine.least_squares import LeastSquaresProblem
 from gip_localizer.core.refine.observation import Layer
 
 # Share of the squared change since the last stage but one that counts as variance (no unit;
-# measured on the NEES of several worlds, docs/accuracy.md).
+# design choice; see the laboratory notebook of docs/accuracy.md).
 STAGE_SHARE = 0.001
-# Largest change (map cells) that counts as variance (set by the mean NEES of several worlds: a
-# larger change is the convergence itself).
+# Largest change (map cells) that counts as variance (design choice: a larger change is the
+# convergence itself).
 MAX_CHANGE = 0.2
 # Share of the weight that agrees where view and map differ by noise alone (no unit; design choice:
 # 0.95, because the robust weights of normally distributed residuals add up to about that).

@@ -38,8 +38,8 @@ WEAK_PRIOR = np.array([30.0, 30.0, 3.0])
 # Largest overdispersion (no unit), also returned where it cannot be computed (design choice: 1e3,
 # because it must stay finite).
 MAX_OVERDISPERSION = 1e3
-# Number of blocks that is subtracted from the effective number, as small-sample correction (set by
-# the mean NEES of several worlds).
+# Number of blocks that is subtracted from the effective number, as small-sample correction (design
+# choice; `make sensitivity` shows its effect).
 SMALL_SAMPLE = 0.5
 # Least standard deviation, as a share of that of the noise model (no unit; design choice: 0.05,
 # because residuals may be small by chance, and a match without slopes has no residuals at all).

@@ -34,8 +34,8 @@ from gip_localizer.parameters import Parameters
 # Largest number of coarse cells of a map (design choice: 400,000, because the search of more takes
 # many seconds); a larger map is searched on larger cells.
 MAX_CELLS = 400_000
-# Number of places of the largest cells that are compared on smaller ones (measured: among cars
-# twelve places contain the true one in 11 of 14 frames, docs/accuracy.md).
+# Number of places of the largest cells that are compared on smaller ones (design choice:
+# twice `MOST_SEARCHED`).
 CANDIDATES = 12
 # Largest number of these places that are searched to the end, the most similar first (measured: it
 # bounds the time of a search in which no place fits, and changes nothing else, docs/accuracy.md).
