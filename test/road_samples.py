@@ -26,12 +26,15 @@ class Road:
     """
     The world, its map with cells twice as large, and rendered frames.
 
-    With a period (m) the ground repeats itself along both axes of the map.
+    With a period (m) the ground repeats itself along both axes of the map; size: length and width
+    of the world, m.
 
     """
 
-    def __init__(self, period: float = 0.0) -> None:
-        world = road_world(seed=3, size=(40.0, 30.0), origin=ORIGIN)
+    def __init__(
+        self, period: float = 0.0, size: tuple[float, float] = (40.0, 30.0)
+    ) -> None:
+        world = road_world(seed=3, size=size, origin=ORIGIN)
         self.raster, self.lane = world.raster, world.lane
         if period:
             n, (rows, cols) = round(period / self.raster.resolution), self.raster.grey.shape
