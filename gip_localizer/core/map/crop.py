@@ -9,7 +9,8 @@ from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.map.versions import blurred_slopes, doubled_map, smoothed_map
 
 # Largest error of a pose by interpolation between cell centres (peak locking), in cells, for cells
-# of the map and for cells of half their side (design choice: from errors over a map with cells of 5 cm).
+# of the map and for cells of half their side (design choice: from errors over a map with cells of
+# 5 cm).
 LOCKING = (0.0037, 0.0012)
 # Range of the side of compared cells, in cells of the map, in which the map is interpolated to
 # cells of half the side (measured: for smaller cells it increases the error, docs/accuracy.md).

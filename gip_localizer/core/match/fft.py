@@ -29,7 +29,8 @@ from gip_localizer.core.kernels.library import AVAILABLE, pair_planes, sum_compl
 # 4, because a fast size is always among them).
 SIZES_TRIED, MULTIPLE = 8, 4
 ODD_COST = {32: 1.0, 16: 1.08, 8: 1.17, 4: 1.17}
-"""Relative time per cell of transforms, by the largest of these factors of the size (design choice: estimates of the time)."""
+"""Relative time per cell of transforms, by the largest of these factors of the size (design
+choice: estimates)."""
 Plane = NDArray[np.complex64]
 
 
