@@ -25,7 +25,7 @@ DEMO = [sys.executable, '-m', 'gip_localizer.cli', 'demo']
 PATIENCE = 300.0
 RATES = ('5', '2', '1')
 """Images per second: where the demo finds the machine too busy, it is tried with fewer."""
-BUSY = ('is overloaded', 'no pose within')
+BUSY = ('is overloaded', 'no pose within', 'missed: availability')
 
 
 def nodes_of(demo):

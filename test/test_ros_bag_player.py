@@ -159,8 +159,10 @@ def test_the_recorded_quality_of_service_is_offered(tester, nodes, tmp_path):
                 writer.add_message(channel, stamp, raw, stamp)
         writer.finish()
     process = nodes.start('bag_player', {'bag': str(path), 'paused': True, 'start': 0.3})
-    tester.until(lambda: tester.count_publishers('goal'), 'the player', alive=process)
-    [pose], [goal] = (tester.get_publishers_info_by_topic(name) for name in ('pose', 'goal'))
+    topics = ('pose', 'goal')
+    tester.until(lambda: all(tester.count_publishers(name) for name in topics), 'the player',
+                 alive=process)
+    [pose], [goal] = (tester.get_publishers_info_by_topic(name) for name in topics)
     assert pose.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
     assert pose.qos_profile.durability == DurabilityPolicy.VOLATILE
     assert goal.qos_profile.reliability == ReliabilityPolicy.RELIABLE
