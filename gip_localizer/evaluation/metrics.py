@@ -167,6 +167,8 @@ def _percentile(values: Floats, percent: float) -> float | None:
     return float(np.percentile(values, percent)) if len(values) else None
 
 
+OPTIONAL = ('protection.', 'camera_motion.')
+"""Groups of metrics that need the localizer's figures: who has messages alone lacks them."""
 TABLE = (
     ('frames', 'frames', '', 1.0, '.0f'),
     ('published', 'published', '', 1.0, '.0f'),
@@ -205,10 +207,12 @@ def look_up(metrics: Mapping[str, Any], dotted: str) -> Any:
 
 
 def table_rows(metrics: Mapping[str, Any]) -> list[TableRow]:
-    """Return the rows metric, value, unit; the value of an unknown metric is 'unknown'."""
+    """Return the rows metric, value, unit; unknown metrics of `OPTIONAL` groups are left out."""
     rows = []
     for key, name, unit, scale, form in TABLE:
         value = look_up(metrics, key)
+        if value is None and key.startswith(OPTIONAL):
+            continue
         text = 'unknown' if value is None else format(value * scale, form)
         if key == 'wrong_published':
             name += _bounds_in_words(metrics)
