@@ -17,7 +17,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.stats import norm, t
+from scipy.special import ndtri, stdtrit
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.pose import Pose2
@@ -81,5 +81,5 @@ def protection_figures(
 def _factors(risk: float) -> tuple[Floats, float]:
     """Return the factors on sigma at a risk: per axis (3,), and of a normal distribution."""
     tail = risk / 6.0  # three axes, two sides each
-    factors = [scale * float(t.isf(tail, freedom)) for freedom, scale in TAILS]
-    return np.array(factors), float(norm.isf(tail))
+    factors = [-scale * float(stdtrit(freedom, tail)) for freedom, scale in TAILS]
+    return np.array(factors), -float(ndtri(tail))
