@@ -153,6 +153,9 @@ def second_camera(folder):
     (lambda f: None, ['--rate', '10', '--timestamps', 't.txt'], ['contradict']),
     (lambda f: None, ['--k', '1,2,3'], ['--k 1,2,3', '4 numbers']),
     (lambda f: None, ['--d', '0.1'], ['--d goes with --k']),
+    (lambda f: None, ['--model', 'equidistant'], ['--model goes with --k']),
+    (lambda f: None, ['--k', '9,9,8,6', '--model', 'foo'], ['--model foo', 'equidistant']),
+    (lambda f: (f / 'times.txt').unlink(), ['--rate', '1e7'], ['--rate 1e+07', 'below 1e6']),
     (lambda f: None, ['--set', 'camera.z=-3'], ['camera.z']),
 ])
 def test_what_cannot_be_imported_is_named_and_nothing_is_left(

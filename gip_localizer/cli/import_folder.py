@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 DEFAULT_OUT = Path('results/imported')
 MARK = 'metadata.yaml'
 CALIBRATIONS = ('camera_info.yaml', 'camera.yaml', 'calibration.yaml', 'ost.yaml')
+MODELS = ('plumb_bob', 'rational_polynomial', 'equidistant')
+"""Distortion models of --model; the first one is the default."""
 POSE = ('x', 'y', 'z', 'roll', 'pitch', 'yaw')
 EXAMPLES = """examples:
   gip import drive --camera-pose 1.2,0,1.5,0,0.26,0 --out bag   drive/ holds all of it
@@ -57,8 +59,8 @@ def add_parser(verbs: Any) -> None:
                         help='as camera_calibration writes it, or a CameraInfo message')
     camera.add_argument('--k', metavar='FX,FY,CX,CY', help='camera matrix, pixels')
     camera.add_argument('--d', metavar='D1,D2,...', help='distortion (default: none)')
-    camera.add_argument('--model', default='plumb_bob', metavar='NAME',
-                        help='plumb_bob, rational_polynomial or equidistant (default: plumb_bob)')
+    camera.add_argument('--model', metavar='NAME', help='distortion model of --k: '
+                        'plumb_bob, rational_polynomial or equidistant (default: plumb_bob)')
     camera.add_argument('--camera-pose', metavar='X,Y,Z,ROLL,PITCH,YAW',
                         help='in base_link, metres and radians; z above the road, pitch positive '
                              'when it looks down')
@@ -142,9 +144,11 @@ def _camera_info(args: argparse.Namespace, images: ImageFolder) -> CameraInfo:
         D = _numbers('--d', args.d) if args.d is not None else []
         height, width = next(images.pictures())[1].shape
         K = np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0])
-        return CameraInfo(width, height, K, np.array(D), args.model)
+        return CameraInfo(width, height, K, np.array(D), _model(args.model))
     if args.d is not None:
         raise CalibrationError('--d goes with --k; D of --camera-info is in its file')
+    if args.model is not None:
+        raise CalibrationError('--model goes with --k; the model of --camera-info is in its file')
     file = args.camera_info or _found(args.folder, CALIBRATIONS) or _found(
         images.folder, CALIBRATIONS)
     if file is None:
@@ -153,6 +157,14 @@ def _camera_info(args: argparse.Namespace, images: ImageFolder) -> CameraInfo:
             f'{", ".join(CALIBRATIONS)}; give --camera-info YAML, or --k FX,FY,CX,CY and --d'
         )
     return load_camera_info(file)
+
+
+def _model(name: str | None) -> str:
+    from gip_localizer.errors import CalibrationError
+
+    if name not in (None, *MODELS):
+        raise CalibrationError(f'--model {name}: expected {", ".join(MODELS)}')
+    return name or MODELS[0]
 
 
 def _numbers(option: str, text: str, count: int | None = None) -> list[float]:

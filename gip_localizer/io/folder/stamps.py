@@ -62,7 +62,8 @@ def stamps_of(
         raise StampError('--timestamps and --rate contradict each other; give one of them')
     if rate is not None:
         if not 0.0 < rate < 1e6:
-            raise StampError(f'--rate {rate:g}: expected images per second, above 0')
+            raise StampError(f'--rate {rate:g}: expected images per second, '
+                             'above 0 and below 1e6')
         return [(round(n * 1e9 / rate), path) for n, path in enumerate(images)], []
     found = file or next((folder / name for folder in folders for name in NAMES
                           if (folder / name).is_file()), None)
