@@ -24,7 +24,7 @@ from gip_localizer.core.localizer import Localizer as Core
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.track.odometry import OdometrySample
-from gip_localizer.errors import GipError, ImageError
+from gip_localizer.errors import GipError, ImageError, ParameterError, quoted
 from gip_localizer.io.camera_info_files import CameraInfo, load_camera_info
 from gip_localizer.io.map_files import load_map
 from gip_localizer.io.messages import calibration
@@ -119,7 +119,7 @@ class Localizer:
     Raises
     ------
     ParameterError
-        A setting is unknown or outside its range.
+        A setting is unknown or outside its range, or the start is no pose.
 
     """
 
@@ -134,6 +134,8 @@ class Localizer:
         self._core = Core(road, self._parameters)
         if start is None:
             self.search_map()
+        elif isinstance(start, str) or len(start) != 3:
+            raise ParameterError(f'start {quoted(start)}: expected (x, y, yaw) in m and rad')
         else:
             self.start_at(*start)
 
@@ -153,6 +155,8 @@ class Localizer:
         known = self._parameters.initial_pose
         xy = known.sigma_xy if sigma_xy is None else sigma_xy
         turn = known.sigma_yaw if sigma_yaw is None else sigma_yaw
+        if min(xy, turn) <= 0.0:
+            raise ParameterError(f'sigmas {xy} m, {turn} rad: expected numbers above 0')
         self._core.set_prior(0, Pose2(float(x), float(y), float(yaw)),
                              np.diag([xy**2, xy**2, turn**2]))
 

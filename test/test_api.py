@@ -108,6 +108,9 @@ def test_a_frame_without_a_pose_has_a_status_and_a_picture(road_map, frame):
     (lambda road, frame: Localizer(road, camera()).localize(frame * 1.0, 1), 'float64'),
     (lambda road, frame: Localizer(road, camera()).localize(frame[None], 1), 'shape'),
     (lambda road, frame: load_map('none.yaml'), 'none.yaml'),
+    (lambda road, frame: Localizer(road, camera(), start=(1.0, 2.0)), '(x, y, yaw)'),
+    (lambda road, frame: Localizer(road, camera(), start='truth'), "'truth'"),
+    (lambda road, frame: Localizer(road, camera()).start_at(1, 2, 0, sigma_xy=-1.0), '-1.0 m'),
 ])
 def test_what_cannot_be_used_is_named(road_map, frame, made, words):
     with pytest.raises(GipError, match=re.escape(words)):
