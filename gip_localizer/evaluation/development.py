@@ -7,11 +7,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.refine.fit import Fit
 from gip_localizer.evaluation.suites.conditions import CONDITIONS, Setup
 from gip_localizer.evaluation.suites.model_error import CAUSES
-from gip_localizer.evaluation.suites.trials import Bench, Spread
+from gip_localizer.evaluation.suites.trials import Bench, compared, Spread
 from gip_localizer.parameters.spec import Value
 
 SEEDS = range(7101, 7107)  # of the worlds
@@ -42,10 +41,8 @@ def development_matches(
     """
     bench = Bench(setup, seed, overrides or {})
     for index in range(FRAMES):
-        rng = bench.rng(index)
-        frame = bench.frame(rng)
-        truth = bench.truth(frame)
-        estimate = bench.localize(frame.image, truth @ Spread().offset(rng), Spread().covariance)
-        fit = estimate.match.fit if estimate.match else None
-        if fit is not None and estimate.published:
-            yield difference(truth.inverse() @ fit.pose, Pose2(0.0, 0.0, 0.0)), fit
+        image, truth, start = bench.scene(index, Spread())
+        estimate = bench.localize(image, start, Spread().covariance)
+        error = compared(estimate, truth).error
+        if error is not None and estimate.match is not None and estimate.match.fit is not None:
+            yield error, estimate.match.fit

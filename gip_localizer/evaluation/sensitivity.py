@@ -24,12 +24,12 @@ import numpy as np
 from tqdm import tqdm
 
 from gip_localizer import core
-from gip_localizer.core.arrays import Floats
-from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.core.arrays import Floats, Grey
+from gip_localizer.core.pose import Pose2
 from gip_localizer.core.threads import use_one_thread
 from gip_localizer.evaluation.suites.conditions import CARS, CHANGED, CLEAR, SHADOWS
-from gip_localizer.evaluation.suites.trials import Bench, Spread
-from gip_localizer.synthetic.drive import SyntheticFrame
+from gip_localizer.evaluation.suites.single_frame import summary
+from gip_localizer.evaluation.suites.trials import Bench, compared, Spread
 
 Value = float | int | tuple['Value', ...]
 FACTORS = (0.7, 1.4)
@@ -52,10 +52,10 @@ class Constant:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Frames of one condition and their starts."""
+    """Images of one condition, their true poses and their starts."""
 
     bench: Bench
-    frames: list[tuple[SyntheticFrame, Pose2]]
+    frames: list[tuple[Grey, Pose2, Pose2]]
 
 
 def main() -> int:
@@ -129,33 +129,20 @@ def scaled(value: Value, factor: float) -> Value:
 
 
 def _scene(bench: Bench) -> Scene:
-    frames = []
-    for index in range(FRAMES):
-        rng = bench.rng(index)
-        frame = bench.frame(rng)
-        frames.append((frame, bench.truth(frame) @ Spread().offset(rng)))
-    return Scene(bench, frames)
+    return Scene(bench, [bench.scene(index, Spread()) for index in range(FRAMES)])
 
 
 def _figures(scenes: list[Scene]) -> Floats:
-    """Return root mean square error (m), mean NEES, share published, and milliseconds."""
-    errors, nees, times, published = [], [], [], 0
+    """Return root mean square error (m), mean NEES and share published."""
+    trials = []
     for scene in scenes:
         scene.bench.restart()
-        for frame, start in scene.frames:
-            estimate = scene.bench.localize(frame.image, start, Spread().covariance)
-            times.append(sum(estimate.timings_ms.values()))
-            if estimate.pose is None or estimate.covariance is None:
-                continue
-            published += 1
-            error = difference(estimate.pose, scene.bench.truth(frame))
-            errors.append(float(error[:2] @ error[:2]))
-            nees.append(float(error @ np.linalg.solve(estimate.covariance, error)))
-    count = len(scenes) * FRAMES
-    if not errors:
-        return np.array([np.nan, np.nan, 0.0, np.median(times)])
-    return np.array([np.sqrt(np.mean(errors)), np.mean(nees), published / count,
-                     np.median(times)])
+        trials += [
+            compared(scene.bench.localize(image, start, Spread().covariance), truth)
+            for image, truth, start in scene.frames
+        ]
+    found = summary(trials)
+    return np.array([found.rmse_xy, found.nees, found.published / found.frames])
 
 
 def _row(constant: Constant, changed: list[Floats]) -> str:

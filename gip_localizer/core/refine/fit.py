@@ -141,7 +141,7 @@ class Fit:
 
     def distance(self, other: Fit) -> float:
         """Return the distance to another fit, metres."""
-        return math.hypot(other.pose.x - self.pose.x, other.pose.y - self.pose.y)
+        return self.pose.distance(other.pose)
 
     def along_weakest(self, distance: float) -> Pose2:
         """

@@ -120,7 +120,7 @@ class OdometryBuffer:
 
     def _jump(self, sample: OdometrySample, last: OdometrySample) -> str:
         elapsed = (sample.stamp_ns - last.stamp_ns) * 1e-9
-        moved = math.hypot(sample.pose.x - last.pose.x, sample.pose.y - last.pose.y)
+        moved = last.pose.distance(sample.pose)
         if moved / elapsed > self.limits.max_speed and moved > 0.1:
             self.clear()
             self._samples.append(sample)

@@ -123,7 +123,7 @@ def wrong_start(kind: str, truth: Pose2, bench: Bench, rng: np.random.Generator)
     if kind == 'another street':
         while True:
             other = bench.drive.motion.pose(float(rng.uniform(0.0, 1e4)))
-            if np.hypot(other.x - truth.x, other.y - truth.y) > FAR_M:
+            if truth.distance(other) > FAR_M:
                 return other
     if kind == 'beside the road':
         aside = float(rng.choice([-1.0, 1.0])) * rng.uniform(*ROADSIDE_M)

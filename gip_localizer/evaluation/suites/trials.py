@@ -186,11 +186,15 @@ class Bench:
 
     def trial(self, index: int, spread: Spread) -> Trial:
         """Render, start near the truth, localize and compare."""
+        image, truth, start = self.scene(index, spread)
+        return compared(self.localize(image, start, spread.covariance), truth)
+
+    def scene(self, index: int, spread: Spread) -> tuple[Grey, Pose2, Pose2]:
+        """Render the image of a trial; return it with its true pose and a start near it."""
         rng = self.rng(index)
         frame = self.frame(rng)
         truth = self.truth(frame)
-        start = truth @ spread.offset(rng)
-        return compared(self.localize(frame.image, start, spread.covariance), truth)
+        return frame.image, truth, truth @ spread.offset(rng)
 
     def truth(self, frame: SyntheticFrame) -> Pose2:
         """Return where the map has the vehicle of a frame."""
