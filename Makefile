@@ -4,8 +4,8 @@ VENV ?= .venv
 # A bag is a folder as `gip simulate` writes it, with its map.yaml and params.yaml.
 BAG ?= $(patsubst %/metadata.yaml,%,$(firstword $(wildcard bags/*/metadata.yaml)))
 GIP = $(VENV)/bin/gip
-# How many processes test, logical: one per core; an idle one takes tests over from a busy one.
-WORKERS ?= logical
+# How many processes test: three for two cores, because tests of nodes mostly wait.
+WORKERS ?= $(shell cores=$$(nproc 2>/dev/null || echo 2); echo $$((cores * 3 / 2)))
 PYTEST = $(VENV)/bin/python -m pytest --numprocesses $(WORKERS) --dist worksteal
 # Tests of what has a compiled loop and a way without it.
 LOOPS = kernel_compiled kernel_correlation kernel_pyramid kernel_support matching refinement levels \

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import sys
+
 from drive_samples import recorded, replayed, rewritten
 from message_samples import compressed_message
 import numpy as np
@@ -15,7 +17,6 @@ from video_samples import encoded, pictures
 
 from gip_localizer.cli import main
 from gip_localizer.errors import ImageError
-from gip_localizer.io import video
 from gip_localizer.io.cdr import image_of, jazzy
 from gip_localizer.io.foxglove_video import VIDEO
 from gip_localizer.io.image_stream import ImageStream
@@ -119,7 +120,7 @@ def test_length_prefixed_packets_and_a_missing_decoder_are_named(stream, monkeyp
     codec, packets = stream
     prefixed = len(packets[0]).to_bytes(4, 'big') + packets[0][4:].replace(b'\0\0\1', b'abc')
     assert 'Annex B' in Reader(codec).read(prefixed)
-    monkeypatch.setattr(video, 'av', None)
+    monkeypatch.setitem(sys.modules, 'av', None)
     assert "pip install 'gip_localizer[video]'" in Reader(codec).read(packets[0])
 
 

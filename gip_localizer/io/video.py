@@ -18,11 +18,6 @@ from gip_localizer.core.arrays import Grey
 from gip_localizer.errors import ImageError
 from gip_localizer.io.video_headers import H264Headers, H265Headers, Headers, Packet
 
-try:
-    import av
-except ImportError:  # an extra
-    av = None
-
 CODECS: dict[str, tuple[str, type[Headers]]] = {
     'h264': ('h264', H264Headers), 'avc': ('h264', H264Headers),
     'h265': ('hevc', H265Headers), 'hevc': ('hevc', H265Headers),
@@ -63,9 +58,12 @@ class VideoDecoder:
     """
 
     def __init__(self, codec: str, most_pixels: int) -> None:
-        if av is None:
-            raise ImageError(f'{codec} {MISSING}')
+        try:
+            import av  # an extra, and slow to import: only where there is video
+        except ImportError:
+            raise ImageError(f'{codec} {MISSING}') from None
         av.logging.set_level(None)
+        self._av = av
         self.codec, self._most = codec, most_pixels
         self._headers = CODECS[codec][1]()
         self._last: Packet | None = None
@@ -112,17 +110,17 @@ class VideoDecoder:
             )
 
     def _new_context(self) -> Any:
-        context = av.CodecContext.create(CODECS[self.codec][0], 'r')
+        context = self._av.CodecContext.create(CODECS[self.codec][0], 'r')
         # Frames come out with their packet only from one thread.
         context.thread_count = 1
-        context.flags |= av.codec.context.Flags.low_delay
+        context.flags |= self._av.codec.context.Flags.low_delay
         context.options = {'max_pixels': str(self._most)}
         return context
 
     def _decoded(self, data: bytes) -> Grey:
         try:
-            frames = self._context.decode(av.Packet(data))
-        except (av.error.FFmpegError, ValueError) as error:
+            frames = self._context.decode(self._av.Packet(data))
+        except (self._av.error.FFmpegError, ValueError) as error:
             frames, why = [], str(error)
         else:
             why = f'{len(frames)} pictures came out'

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from array import array
 import math
+from typing import TYPE_CHECKING
 
 from builtin_interfaces.msg import Time
 import cv2
@@ -27,7 +28,9 @@ from gip_localizer.core.map.resampling import scaled
 from gip_localizer.core.pose import Pose2
 from gip_localizer.io.messages import full_covariance
 from gip_localizer.session.attitude import Tilt
-from gip_localizer.synthetic.wheel_odometry import OdometryReading
+
+if TYPE_CHECKING:  # the localizer needs no simulator
+    from gip_localizer.synthetic.wheel_odometry import OdometryReading
 
 NS = 1_000_000_000
 """Nanoseconds per second."""

@@ -9,7 +9,6 @@ import math
 
 import cv2
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from gip_localizer.core.arrays import Bools, Floats, Grey, WHITE
 from gip_localizer.core.cell_means import downsampled
@@ -103,6 +102,8 @@ def blurred(values: Floats, valid: Bools | None, sigma: float) -> tuple[Floats, 
 @cache
 def _quarter() -> Floats:
     """Weights of 2 REACH + 1 cells in the cubic spline a quarter of a cell before their middle."""
+    from scipy.interpolate import CubicSpline  # slow to import: only where cells are doubled
+
     cells = np.eye(2 * REACH + 1)
     weights = CubicSpline(np.arange(-REACH, REACH + 1), cells, bc_type='natural')(-0.25)
     return np.asarray(weights, np.float32)
