@@ -13,6 +13,7 @@ from gip_localizer.core.birdseye.rectifier import Rectifier
 from gip_localizer.core.gramian import gramian
 from gip_localizer.core.map.crop import Crop
 from gip_localizer.core.pose import difference, Pose2
+from gip_localizer.core.refine.covariance_parts import mount_covariance
 from gip_localizer.core.refine.refiner import Refiner
 from gip_localizer.core.refine.robust import outlier_scale
 from gip_localizer.parameters import Birdseye, CameraMotion
@@ -193,7 +194,8 @@ def test_the_calibrated_yaw_of_the_camera_is_an_error_that_no_frame_shows(road):
     sigma = 0.01
     exact, doubtful = (
         fit(road, road.frame(CAMERA, truth), truth, refiner=Refiner(
-            RECTIFIER, FIXED, normalized=True, robust=True, sigma_yaw=s
+            RECTIFIER, FIXED, normalized=True, robust=True,
+            constant_errors=mount_covariance(RECTIFIER.camera.extrinsics.position(), s),
         )) for s in (0.0, sigma)
     )
     x, y, _ = CAMERA.extrinsics.position()

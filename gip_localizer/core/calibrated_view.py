@@ -4,9 +4,12 @@
 
 from __future__ import annotations
 
+from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye.rectifier import Rectifier
 from gip_localizer.core.birdseye.view_choice import complete_view, fitting_view
 from gip_localizer.core.camera.model import CameraModel
+from gip_localizer.core.map.accuracy import EXACT, MapAccuracy
+from gip_localizer.core.refine.covariance_parts import mount_covariance
 from gip_localizer.core.refine.refiner import Refiner
 from gip_localizer.errors import CalibrationError, ParameterError
 from gip_localizer.parameters import Birdseye, Parameters
@@ -27,6 +30,8 @@ class CalibratedView:
         All tunables.
     map_resolution : float
         Side of a cell of the map, metres, for a view that is chosen.
+    map_accuracy : MapAccuracy
+        As the map states it; `map.sigma_xy` and `.sigma_yaw` may say more.
 
     Attributes
     ----------
@@ -44,9 +49,10 @@ class CalibratedView:
     """
 
     def __init__(
-        self, camera: CameraModel, parameters: Parameters, map_resolution: float
+        self, camera: CameraModel, parameters: Parameters, map_resolution: float,
+        map_accuracy: MapAccuracy = EXACT,
     ) -> None:
-        self._inputs = _relevant(camera, parameters)
+        self._inputs = _relevant(camera, parameters, map_resolution, map_accuracy)
         self.birdseye = complete_view(parameters.birdseye, camera, map_resolution)
         _check(parameters, self.birdseye)
         self.rectifier = _rectifier(camera, self.birdseye, map_resolution)
@@ -54,12 +60,15 @@ class CalibratedView:
             self.rectifier, parameters.camera_motion,
             normalized=parameters.score.normalized,
             robust=parameters.score.robust,
-            sigma_yaw=parameters.camera.sigma_yaw,
+            constant_errors=_constant_errors(camera, parameters, map_accuracy),
         )
 
-    def matches(self, camera: CameraModel, parameters: Parameters) -> bool:
-        """Return whether this was computed for the same calibration and parameters."""
-        return self._inputs == _relevant(camera, parameters)
+    def matches(
+        self, camera: CameraModel, parameters: Parameters, map_resolution: float,
+        map_accuracy: MapAccuracy = EXACT,
+    ) -> bool:
+        """Return whether this was computed for the same calibration, parameters and map."""
+        return self._inputs == _relevant(camera, parameters, map_resolution, map_accuracy)
 
 
 def _rectifier(camera: CameraModel, view: Birdseye, map_resolution: float) -> Rectifier:
@@ -87,9 +96,20 @@ def _check(parameters: Parameters, view: Birdseye) -> None:
         ) from None
 
 
-def _relevant(camera: CameraModel, parameters: Parameters) -> tuple[object, ...]:
+def _constant_errors(
+    camera: CameraModel, parameters: Parameters, map_accuracy: MapAccuracy
+) -> Floats:
+    """Return the covariance (3, 3) from the errors of mounting yaw and map."""
+    stated = map_accuracy.at_least(MapAccuracy(parameters.map.sigma_xy, parameters.map.sigma_yaw))
+    mount = mount_covariance(camera.extrinsics.position(), parameters.camera.sigma_yaw)
+    return mount + stated.covariance()
+
+
+def _relevant(
+    camera: CameraModel, parameters: Parameters, *of_map: object
+) -> tuple[object, ...]:
     score = parameters.score
     return (
         camera.key(), parameters.birdseye, parameters.camera_motion, parameters.camera.sigma_yaw,
-        score.metric, score.robust,
+        parameters.map, score.metric, score.robust, *of_map,
     )

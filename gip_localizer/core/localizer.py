@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cached_property
 import time
 
 from gip_localizer.core.arrays import Floats, Grey
@@ -25,7 +24,6 @@ from gip_localizer.core.estimate import Estimate, Match, Status
 from gip_localizer.core.integrity import Verdict
 from gip_localizer.core.judged_search import JudgedSearch
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.map.resampling import contrast
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.protection import protection_figures
 from gip_localizer.core.refine.observation import FrameErrors
@@ -67,6 +65,11 @@ class Localizer:
         """Use new parameters from the next frame on; the belief stays."""
         self.parameters = parameters
         self.state.configure(parameters)
+
+    def change_map(self, raster_map: RasterMap) -> None:
+        """Localize on another map from the next frame on; the state of the drive stays."""
+        self.raster_map = raster_map
+        self._crops = MapCrops(raster_map)
 
     def set_prior(self, stamp_ns: int, pose: Pose2, covariance: Floats) -> None:
         """
@@ -152,7 +155,7 @@ class Localizer:
         with self._stage('gramian'):  # 2 weight per cell
             noise = noise_levels(
                 view, image, self.parameters.score, gain=self.state.gain,
-                map_contrast=self._map_contrast,
+                map_contrast=self.raster_map.contrast,
             )
             weight = cell_weights(view, noise, self.parameters.score)
             if mask is not None:
@@ -177,19 +180,14 @@ class Localizer:
         try:
             with self._stage('calibrate'):
                 prepared = self._prepared
-                if prepared is None or not prepared.matches(camera, self.parameters):
-                    prepared = self._prepared = CalibratedView(
-                        camera, self.parameters, self.raster_map.resolution
-                    )
+                shown = self.raster_map.resolution, self.raster_map.accuracy
+                if prepared is None or not prepared.matches(camera, self.parameters, *shown):
+                    prepared = self._prepared = CalibratedView(camera, self.parameters, *shown)
                     self.state.forget_calibration()
         except CalibrationError as error:
             self._prepared = None
             return self._without_pose(stamp_ns, Status.NO_ROAD_IN_VIEW, str(error))
         return prepared
-
-    @cached_property
-    def _map_contrast(self) -> float:
-        return contrast(self.raster_map.grey, self.raster_map.valid)
 
     def _before_search(self, stamp_ns: int) -> Estimate:
         if self.state.search_requested:
@@ -242,9 +240,9 @@ class Localizer:
     def _protection(self, belief: Belief | None) -> dict[str, float]:
         if belief is None or self._prepared is None:
             return {}
-        mount = self._prepared.refiner.mount
         return protection_figures(
-            belief.covariance, belief.pose, mount, self.parameters.integrity
+            belief.covariance, belief.pose, self._prepared.refiner.constant_errors,
+            self.parameters.integrity,
         )
 
     @contextmanager

@@ -5,9 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
-from dataclasses import dataclass
-import math
 from pathlib import Path
 from typing import Any
 
@@ -18,45 +15,16 @@ import yaml
 from gip_localizer.core.arrays import Bools, Grey, WHITE
 from gip_localizer.core.birdseye.rectifier import MASK_USED
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.pose import Pose2
-from gip_localizer.errors import MapError, OutputError, quoted, shortened
+from gip_localizer.errors import MapError, OutputError, quoted
 from gip_localizer.io.bit_depth import at_full_scale, bits_used
 from gip_localizer.io.map_cache import Cells, stored_cells
+from gip_localizer.io.map_yaml import map_settings
 from gip_localizer.io.output_folder import write_whole
 from gip_localizer.io.pictures import check_is_file, read_picture
-from gip_localizer.parameters.yaml_files import read_yaml, user_path, YamlFileError
+from gip_localizer.parameters.yaml_files import user_path
 
-REQUIRED = ('image', 'resolution', 'origin')
-MODES = ('trinary', 'scale', 'raw')
-"""Values of `mode` in nav2 map_server; accepted, but not used: no occupancy is computed here."""
-FINEST, COARSEST = 1e-4, 100.0
-"""Accepted range of the resolution (m per cell); chosen: outside it, the unit must be wrong."""
 READING = '2'
 """Version of the decoding; a new one must not use cells stored by an old one."""
-
-
-@dataclass(frozen=True)
-class MapSettings:
-    """
-    Content of a map YAML.
-
-    Attributes
-    ----------
-    resolution : float
-        Side of a cell, metres.
-    origin : Pose2
-        Of the lower-left corner of the lower-left cell.
-    negate : bool
-        Whether black and white are exchanged.
-    files : mapping
-        image and, perhaps, noise → file name, relative to the YAML file; not checked.
-
-    """
-
-    resolution: float
-    origin: Pose2
-    negate: bool
-    files: Mapping[str, Any]
 
 
 def load_map(path: Path | str) -> RasterMap:
@@ -98,29 +66,9 @@ def load_map(path: Path | str) -> RasterMap:
                 f'map {path}: its noise has {noise.shape[1]}x{noise.shape[0]} cells, its image '
                 f'{grey.shape[1]}x{grey.shape[0]}; expected the same'
             )
-    return RasterMap(grey, settings.resolution, settings.origin, valid, noise)
-
-
-def map_settings(path: Path) -> MapSettings:
-    """Read a map YAML without its pictures (raises MapError)."""
-    settings = _settings(path)
-    resolution = _number(path, 'resolution', settings['resolution'])
-    if not FINEST <= resolution <= COARSEST:
-        raise MapError(
-            f'map {path}: resolution is {resolution:g}; expected metres per cell, '
-            f'{FINEST:g} to {COARSEST:g}'
-        )
-    origin = settings['origin']
-    if not isinstance(origin, list) or len(origin) != 3:
-        raise MapError(f'map {path}: origin is {quoted(origin)}; expected [x, y, yaw]')
-    x, y, yaw = (_number(path, 'origin', value) for value in origin)
-    negate = settings.get('negate', 0)
-    if negate not in (0, 1, False, True):
-        raise MapError(f'map {path}: negate is {quoted(negate)}; expected 0 or 1')
-    if settings.get('mode', MODES[0]) not in MODES:
-        raise MapError(f'map {path}: mode is {quoted(settings["mode"])}; expected '
-                       + ', '.join(MODES))
-    return MapSettings(resolution, Pose2(x, y, yaw), bool(negate), settings)
+    return RasterMap(
+        grey, settings.resolution, settings.origin, valid, noise, settings.accuracy
+    )
 
 
 def _cells(path: Path, settings: Mapping[str, Any], key: str, *, negate: bool) -> Cells:
@@ -201,43 +149,15 @@ def save_map(raster_map: RasterMap, path: Path | str, *, force: bool = False) ->
     text = yaml.safe_dump(
         {'image': picture.name, 'resolution': float(raster_map.resolution), 'origin': origin,
          'negate': 0, 'occupied_thresh': 0.65, 'free_thresh': 0.196,
-         **({'noise': noise.name} if noisy else {})},
+         **({'noise': noise.name} if noisy else {}),
+         **{key: float(f'{value:.3g}')
+            for key, value in raster_map.accuracy._asdict().items() if value > 0.0}},
         sort_keys=False, default_flow_style=None,
     )
     write_whole(picture, _png(raster_map.grey, raster_map.valid))
     if raster_map.noise is not None:
         write_whole(noise, _png(raster_map.noise, None))
     write_whole(path, text.encode())
-
-
-def _settings(path: Path) -> Mapping[str, Any]:
-    try:
-        settings = read_yaml(path)
-    except FileNotFoundError:
-        raise MapError(f'map {path}: cannot be read, there is no such file; expected a nav2 map '
-                       'YAML') from None
-    except YamlFileError as error:
-        raise MapError(f'map {path}: {error}; expected a nav2 map YAML') from None
-    if not isinstance(settings, dict):
-        found = 'nothing' if settings is None else f'a {type(settings).__name__}'
-        raise MapError(f'map {path}: holds {found}; expected the keys {", ".join(REQUIRED)}')
-    missing = [key for key in REQUIRED if key not in settings]
-    if missing:
-        raise MapError(
-            f'map {path}: no {", ".join(missing)}; found '
-            + (shortened(', '.join(map(str, settings))) or 'none')
-        )
-    return settings
-
-
-def _number(path: Path, key: str, value: object) -> float:
-    # YAML 1.1 takes 5e-2 for a word; map_server takes it, and quoted numbers, for the number.
-    if isinstance(value, (int, float, str)) and not isinstance(value, bool):
-        with suppress(OverflowError, ValueError):
-            number = float(value)
-            if math.isfinite(number):
-                return number
-    raise MapError(f'map {path}: {key} holds {quoted(str(value))}; expected a finite number')
 
 
 def _png(grey: Grey, valid: Bools | None) -> bytes:

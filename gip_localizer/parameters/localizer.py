@@ -201,6 +201,18 @@ class Recovery:
 
 
 @dataclass(frozen=True)
+class MapErrors(ParameterGroup):
+    """Accuracy of the map; the larger value counts where its YAML file names it too."""
+
+    sigma_xy: float = p(
+        0.0, 'Standard deviation of x and of y at which the map shows a part of the road. It '
+        'does not average out over frames.', unit='m', low=0.0, high=10.0,
+    )
+    sigma_yaw: float = p(0.0, 'The same of the direction of the road.', unit='rad', low=0.0,
+                         high=0.1)
+
+
+@dataclass(frozen=True)
 class Parameters(ParameterGroup):
     """All parameters of the node `localizer`."""
 
@@ -236,6 +248,7 @@ class Parameters(ParameterGroup):
     camera: MountedCamera = group(MountedCamera)
     mask: MaskTopic = group(MaskTopic)
     initial_pose: InitialPose = group(InitialPose)
+    map: MapErrors = group(MapErrors)
     birdseye: Birdseye = group(Birdseye)
     search: Search = group(Search)
     score: Score = group(Score)

@@ -106,11 +106,11 @@ class Frontend:
 
     def change_map(self, raster_map: RasterMap, parameters: Parameters) -> None:
         """Localize on another map; the tracking state is kept if `map_keeps_pose` is set."""
-        state = self.localizer.state
-        self.localizer = Localizer(raster_map, parameters)
         if parameters.map_keeps_pose:
-            self.localizer.state = state
+            self.localizer.change_map(raster_map)
             self.localizer.configure(parameters)
+        else:
+            self.localizer = Localizer(raster_map, parameters)
         self._camera = None
 
     def relocalize(self) -> None:

@@ -12,6 +12,7 @@ lower-left cell (nav2 map_server), and cell centres lie half a cell inside.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 import math
 import mmap
 from typing import Any
@@ -19,10 +20,12 @@ from typing import Any
 import numpy as np
 
 from gip_localizer.core.arrays import Bools, Floats, Grey, WHITE
+from gip_localizer.core.map.accuracy import EXACT, MapAccuracy
 from gip_localizer.core.map.bilinear import corners, Samples
 from gip_localizer.core.map.map_check import check_map
 from gip_localizer.core.map.resampling import (
     averaged_noise,
+    contrast,
     downsampled_known,
     scaled,
     smoothed,
@@ -50,6 +53,8 @@ class RasterMap:
         Cells that hold data; None: all.
     noise : (rows, cols) uint8, uint16 or float32, or None
         Standard deviation of each cell's grey, on the full scale of the grey; None: unknown.
+    accuracy : MapAccuracy
+        Of the place of the road in the map; a part that was cut out counts as exact.
 
     Raises
     ------
@@ -64,6 +69,7 @@ class RasterMap:
     origin: Pose2 = Pose2(0.0, 0.0, 0.0)
     valid: Bools | None = None
     noise: Grey | None = None
+    accuracy: MapAccuracy = EXACT
 
     def __post_init__(self) -> None:
         """Check the attributes (raises MapError)."""
@@ -77,6 +83,11 @@ class RasterMap:
                 pages = pages.base if isinstance(pages, np.ndarray) else pages.obj
             if isinstance(pages, mmap.mmap) and hasattr(mmap, 'MADV_DONTNEED'):
                 pages.madvise(mmap.MADV_DONTNEED)
+
+    @cached_property
+    def contrast(self) -> float:
+        """Standard deviation of the grey over the known cells, of full scale."""
+        return contrast(self.grey, self.valid)
 
     @property
     def size_m(self) -> tuple[float, float]:

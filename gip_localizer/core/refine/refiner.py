@@ -28,11 +28,7 @@ from gip_localizer.core.birdseye.rectifier import Rectifier, View
 from gip_localizer.core.map.crop import Crop
 from gip_localizer.core.match.downsampling import downsampled_view
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.refine.covariance_parts import (
-    mount_covariance,
-    recognized_share,
-    sampling_covariance,
-)
+from gip_localizer.core.refine.covariance_parts import recognized_share, sampling_covariance
 from gip_localizer.core.refine.error_level import ErrorLevel
 from gip_localizer.core.refine.fit import Fit
 from gip_localizer.core.refine.gauss_newton import GaussNewton, settled
@@ -79,19 +75,15 @@ class Refiner:
         True: gain and offset are unknown.
     robust : bool
         True: cells that disagree with the map lose their weight.
-    sigma_yaw : float
-        Standard deviation of the calibrated yaw of the camera, rad.
-
-    Attributes
-    ----------
-    mount : (3, 3) float64
-        Covariance of x, y (m) and yaw (rad) from that yaw, in the axes of the pose.
+    constant_errors : (3, 3) float64 or None
+        Covariance of x, y (m) and yaw (rad), in the axes of the pose, from errors that no frame
+        shows and that do not average out: of the calibrated yaw and of the map. None: none.
 
     """
 
     def __init__(
         self, rectifier: Rectifier, camera_motion: CameraMotion, *, normalized: bool,
-        robust: bool, sigma_yaw: float = 0.0,
+        robust: bool, constant_errors: Floats | None = None,
     ) -> None:
         self.camera = rectifier.camera
         self.pitches = _pitches(camera_motion.sigma_pitch)
@@ -100,7 +92,7 @@ class Refiner:
         self._smooth_errors = SmoothErrors(
             self._stages[-1].block_centres, rectifier.camera.extrinsics.position()
         )
-        self.mount = mount_covariance(rectifier.camera.extrinsics.position(), sigma_yaw)
+        self.constant_errors = np.zeros((3, 3)) if constant_errors is None else constant_errors
 
     def layers(
         self, view: View, weight: Floats, crop: Crop, errors: FrameErrors | None = None,
@@ -189,7 +181,7 @@ class Refiner:
 
     def _shared(self, sums: BlockSums, place: Pose2, level: ErrorLevel) -> SharedErrors:
         smooth = self._smooth_errors.shared(sums, level, place)
-        return replace(smooth, covariance=smooth.covariance + self.mount)
+        return replace(smooth, covariance=smooth.covariance + self.constant_errors)
 
 
 def _unknowns(camera_motion: CameraMotion, *, normalized: bool, robust: bool) -> Unknowns:

@@ -15,7 +15,8 @@ from rclpy.parameter import Parameter
 
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.errors import MapError, ParameterError
-from gip_localizer.io.map_files import load_map, map_settings
+from gip_localizer.io.map_files import load_map
+from gip_localizer.io.map_yaml import map_settings
 from gip_localizer.parameters import Parameters
 from gip_localizer.parameters.yaml_files import user_path
 from gip_localizer.ros.conversions import occupancy_grid
