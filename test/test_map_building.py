@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from gip_localizer.cli import main
+from gip_localizer.core.map.accuracy import MapAccuracy
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.map.resampling import WHITE
 from gip_localizer.io.bags.bag import Bag
@@ -26,8 +27,8 @@ from gip_localizer.io.tum_files import write_tum
 SEEN_WELL = 0.02  # noise of a cell, grey
 
 
-def build(bag: Path, out: Path, *options: str) -> RasterMap:
-    assert main(['map', str(bag), '--out', str(out), *options]) == 0
+def build(bag: Path, out: Path, *options: str, check: str = '--no-pose-check') -> RasterMap:
+    assert main(['map', str(bag), '--out', str(out), *options, *check.split()]) == 0
     return load_map(out)
 
 
@@ -190,6 +191,30 @@ def test_a_compressed_turned_drive_through_a_mask(tmp_path, capsys):
     rows, cols = np.nonzero(whole.valid & (whole.noise < SEEN_WELL * 65535))
     grey, known = world.sample(whole.to_map(np.column_stack([rows, cols])))
     assert np.corrcoef(grey[known], whole.grey[rows, cols][known])[0, 1] > 0.96
+
+
+def test_the_poses_are_compared_with_the_frames_and_the_map_states_their_error(
+    drive, tmp_path, capsys
+):
+    truth = truth_of(drive)
+    rng = np.random.default_rng(5)
+    rough = cv2.GaussianBlur(rng.normal(size=truth.poses.shape), (1, 0), 0.1, sigmaY=4.0)
+    rough *= np.array([0.02, 0.02, 0.002]) / rough.std(axis=0)
+    write_tum(tmp_path / 'p.tum', Trajectory(truth.stamps_ns, truth.poses + rough))
+    raster = build(drive, tmp_path / 'road.yaml', '--poses', str(tmp_path / 'p.tum'), check='')
+    assert 0.005 < raster.accuracy.sigma_xy < 0.06
+    assert 0.0005 < raster.accuracy.sigma_yaw < 0.006
+    said = capsys.readouterr().out
+    assert re.search(r'pairs of frames compared +\d+ of \d+', said)
+    assert re.search(r'sigma_xy of the map\) +\d+\.\d  mm', said)
+
+
+def test_poses_that_could_not_be_compared_are_named(drive, tmp_path, capsys):
+    raster = build(drive, tmp_path / 'road.yaml', '--duration', '0.15', check='')
+    assert raster.accuracy == MapAccuracy()
+    assert 'the error of the poses is not known' in capsys.readouterr().err
+    build(drive, tmp_path / 'two.yaml', '--every', '8')
+    assert 'the poses were not compared' in capsys.readouterr().err
 
 
 def refused(capsys, *words: str) -> str:

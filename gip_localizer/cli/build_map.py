@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from gip_localizer.io.bags.topics import Topics
     from gip_localizer.io.trajectory import Trajectory
     from gip_localizer.mapping.mapped_drive import MappedDrive
+    from gip_localizer.mapping.pose_check import PoseCheck, PoseCheckResult
     from gip_localizer.mapping.settings import MapBuilderSettings
     from gip_localizer.parameters import Parameters
 
@@ -31,6 +33,9 @@ EXAMPLES = """examples:
 The verb also writes road.png (16-bit grey, transparent where the road was not seen) and
 road_noise.png (standard deviation of each cell; full scale is 1). The mounting pose of the camera
 must be calibrated, and the poses accurate to a fraction of a cell: their errors blur the map.
+Afterwards frames are localized on maps of single other frames of the drive. Where they disagree
+with the poses, the map states the error (sigma_xy, sigma_yaw in road.yaml), and every covariance
+on this map contains it. An offset that is common to the whole drive remains unknown.
 """
 
 
@@ -57,6 +62,9 @@ def add_parser(verbs: Any) -> None:
     one.add_argument('--poses', type=user_path, metavar='FILE', help='TUM file')
     poses.add_argument('--max-gap', type=float, default=0.2, metavar='S',
                        help='longest time between two poses to interpolate (default: 0.2)')
+    poses.add_argument('--no-pose-check', action='store_true',
+                       help='do not compare the poses with what the frames see; the map then '
+                            'counts as exact')
     tune = parser.add_argument_group('parameters')
     tune.add_argument('--params', type=user_path, metavar='FILE',
                       help='ROS parameter YAML (default: params.yaml next to the bag, if any)')
@@ -74,6 +82,7 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Build the map, write it, print the table."""
+    from gip_localizer.cli.map_summary import map_rows, pose_notes, pose_rows, range_note
     from gip_localizer.cli.settings import (
         ctrl_c,
         recorded_parameters,
@@ -81,12 +90,14 @@ def run(args: argparse.Namespace) -> int:
         without_masks,
     )
     from gip_localizer.core.birdseye.view_choice import complete_view
+    from gip_localizer.evaluation.metrics import format_table
     from gip_localizer.io.bags.bag import Bag
     from gip_localizer.io.bags.camera import mounted, recorded_camera
     from gip_localizer.io.bags.window import BagWindow
     from gip_localizer.io.map_files import save_map
     from gip_localizer.io.output_folder import check_file
     from gip_localizer.mapping.mapped_drive import MappedDrive
+    from gip_localizer.mapping.pose_check import PoseCheck
     from gip_localizer.mapping.settings import MapBuilderSettings
 
     check_file(args.out, force=args.force, suffixes=('.yaml', '.yml'))
@@ -106,11 +117,15 @@ def run(args: argparse.Namespace) -> int:
     drive = MappedDrive(bag, topics, parameters, poses, settings)
     with ctrl_c(interrupts=True):
         raster_map = _with_progress(drive, settings, bag, topics)
+        checked = _check_poses(args, PoseCheck(drive, parameters, resolution))
+    if checked is not None and checked.errors is not None:
+        raster_map = replace(raster_map, accuracy=checked.errors.accuracy)
     save_map(raster_map, args.out, force=args.force)
-    notes += _range_note(drive, resolution)
+    notes += [*range_note(drive, resolution), *pose_notes(checked)]
     for note in [*notes, *bag.notes]:
         print(f'gip: {note}', file=sys.stderr)
-    _print_summary(drive, raster_map, args.out)
+    print(format_table([*map_rows(drive, raster_map), *pose_rows(checked)]))
+    print(f'\nmap: {args.out}, its picture: {args.out.with_suffix(".png")}')
     return 0
 
 
@@ -146,46 +161,11 @@ def _with_progress(drive: MappedDrive, settings: MapBuilderSettings, bag: Bag,
         return drive.run(bar.update)
 
 
-def _range_note(drive: MappedDrive, resolution: float) -> list[str]:
-    """Return a note if a part of the view is too coarse for the cells of the map."""
-    from gip_localizer.mapping.survey_camera import LONGEST_PIXEL
+def _check_poses(args: argparse.Namespace, check: PoseCheck) -> PoseCheckResult | None:
+    """Return the comparison of the poses with the frames; None if it is not wanted."""
+    from gip_localizer.cli.progress import progress
 
-    used, seen = drive.camera.farthest
-    if seen - used < 2.0 * resolution:
-        return []
-    return [
-        f'the map is made of road up to {used:.1f} m ahead, though the view reaches {seen:.1f} m: '
-        f'pixels beyond are longer than {LONGEST_PIXEL:g} cells of {resolution:g} m; a coarser '
-        '--resolution uses more'
-    ]
-
-
-def _print_summary(drive: MappedDrive, raster_map: RasterMap, out: Path) -> None:
-    import numpy as np
-
-    from gip_localizer.core.map.resampling import scaled
-    from gip_localizer.evaluation.metrics import format_table, TableRow
-
-    valid, noise = raster_map.valid, raster_map.noise
-    assert valid is not None
-    assert noise is not None
-    low_x, low_y, high_x, high_y = raster_map.bounds
-    gains = [exposure.gain for exposure in drive.builder.exposures]
-    corner = float(drive.camera.vignetting.lift(np.array(1.0)))
-    median_noise = np.median(scaled(noise[valid]))
-    rows = [
-        TableRow('frames used', str(drive.builder.frames), ''),
-        *(TableRow(f'frames skipped: {kind}', str(count), drive.first[kind])
-          for kind, count in drive.skipped.items()),
-        TableRow('road used, farthest ahead', f'{drive.camera.farthest[0]:.2f}', 'm'),
-        TableRow('frames without overlap', str(drive.builder.without_overlap), ''),
-        TableRow('gain relative to the first frame', f'{min(gains):.3f} to {max(gains):.3f}', ''),
-        TableRow('grey of the map, relative to the first frame', f'{drive.builder.scale:.3f}', ''),
-        TableRow('vignetting correction in the corners', f'{corner:.3f}', ''),
-        TableRow('cells seen', str(int(valid.sum())), f'of {raster_map.resolution:g} m'),
-        TableRow('x', f'{low_x:.2f} to {high_x:.2f}', 'm'),
-        TableRow('y', f'{low_y:.2f} to {high_y:.2f}', 'm'),
-        TableRow('noise of a cell, median', f'{median_noise:.4f}', 'of full scale'),
-    ]
-    print(format_table(rows))
-    print(f'\nmap: {out}, its picture: {out.with_suffix(".png")}')
+    if args.no_pose_check:
+        return None
+    with progress(len(check.indices), 'comparing poses') as bar:
+        return check.run(bar.update)

@@ -21,6 +21,7 @@ from gip_localizer.io.image_stream import decoded_images
 from gip_localizer.io.messages import stamp_ns
 from gip_localizer.io.trajectory import Trajectory
 from gip_localizer.mapping.map_builder import MapBuilder
+from gip_localizer.mapping.pose_pairs import Station
 from gip_localizer.mapping.settings import MapBuilderSettings
 from gip_localizer.mapping.splatting import draw, Drawn
 from gip_localizer.mapping.survey_camera import SurveyCamera
@@ -63,6 +64,8 @@ class MappedDrive:
     ----------
     builder, camera : MapBuilder, SurveyCamera
         The map as built so far, and the camera with its estimated vignetting.
+    stations : list of Station
+        Frames in the map.
     frames : int
         Number of examined frames.
     skipped, first : Counter, dict
@@ -74,6 +77,7 @@ class MappedDrive:
                  settings: MapBuilderSettings) -> None:
         self.builder = MapBuilder(settings.resolution)
         self.camera = SurveyCamera(bag, topics, parameters, settings.resolution)
+        self.stations: list[Station] = []
         self.frames = 0
         self.skipped: Counter[str] = Counter()
         self.first: dict[str, str] = {}
@@ -97,7 +101,7 @@ class MappedDrive:
         """
         self.camera.vignetting = fit_vignetting(list(self._pairs()))
         last: Pose2 | None = None
-        for message in self._messages():
+        for message in self.messages():
             self.frames += 1
             try:
                 last = self._add(message, last)
@@ -110,7 +114,8 @@ class MappedDrive:
             raise self._nothing_used()
         return self.builder.map()
 
-    def _messages(self) -> Iterator[Any]:
+    def messages(self) -> Iterator[Any]:
+        """Yield the messages of the examined frames; None where a message does not decode."""
         times = self._settings.window.log_times(self._bag)
         messages = map(self._bag.decode, self._bag.messages([self._topics.image.name], *times))
         yield from islice(decoded_images(messages), 0, None, self._settings.every)
@@ -126,6 +131,7 @@ class MappedDrive:
             raise _UnusedError(NO_IMAGE, str(error)) from None
         if not self.builder.add(*self.camera.view(image), pose):
             raise _UnusedError(NO_CELL, _when(message))
+        self.stations.append(Station(stamp_ns(message.header), pose))  # type: ignore[union-attr]
         return pose
 
     def _pose(self, message: Any | None) -> Pose2:
@@ -148,7 +154,7 @@ class MappedDrive:
         count = self._topics.image.messages * share
         step, start = max(int(count / PAIRS), 1), 0
         begun: tuple[Pose2, Drawn] | None = None
-        for number, message in enumerate(self._messages()):
+        for number, message in enumerate(self.messages()):
             if begun is None and number < start:
                 continue
             try:

@@ -49,6 +49,12 @@ class SurveyCamera:
 
     Attributes
     ----------
+    model : CameraModel
+        The calibrated camera.
+    birdseye : Birdseye
+        The view, on cells of the map's size.
+    mask : (height, width) uint8 or None
+        Pixels below 128 show the own vehicle.
     vignetting : Vignetting
         Correction applied to every view; none at first.
     radius_sq : (rows, cols) float64
@@ -64,24 +70,25 @@ class SurveyCamera:
 
     def __init__(self, bag: Bag, topics: Topics, parameters: Parameters,
                  resolution: float) -> None:
-        self._camera = recorded_camera(bag, topics, parameters)
+        self.model = recorded_camera(bag, topics, parameters)
         self._depth = BitDepth()
         self._compressed = topics.image.msgtype in IMAGES[1:]
         self._noise = parameters.score.pixel_noise
-        self._mask = load_mask(parameters.mask_file) if parameters.mask_file else None
-        view = complete_view(
-            replace(parameters.birdseye, resolution=resolution), self._camera
+        self.mask = load_mask(parameters.mask_file) if parameters.mask_file else None
+        self.birdseye = complete_view(
+            replace(parameters.birdseye, resolution=resolution), self.model
         )
-        self._rectifier = Rectifier(self._camera, replace(view, resolution=resolution / FINER))
+        finer = replace(self.birdseye, resolution=resolution / FINER)
+        self._rectifier = Rectifier(self.model, finer)
         longest = LONGEST_PIXEL * resolution
-        self._used = self._rectifier.valid & sharp(self._camera, self._rectifier, longest)
+        self._used = self._rectifier.valid & sharp(self.model, self._rectifier, longest)
         if not self._used.any():
             raise CalibrationError(
                 f'every pixel of the view spans more than {longest:g} m of road; choose a coarser '
                 '--resolution or a nearer birdseye.near'
             )
         self.vignetting = Vignetting()
-        self.radius_sq = _radius_sq(self._camera, self._rectifier)
+        self.radius_sq = _radius_sq(self.model, self._rectifier)
 
     @property
     def length(self) -> float:
@@ -100,13 +107,13 @@ class SurveyCamera:
     def image(self, message: Any) -> Grey:
         """Return the image (height, width) of a message (raises ImageError)."""
         image = compressed_grey_image(message) if self._compressed else grey_image(message)
-        (height, width), camera = image.shape, self._camera
+        (height, width), camera = image.shape, self.model
         if (width, height) != (camera.width, camera.height):
             raise ImageError(
                 f'the image is {width}x{height}, its CameraInfo is for '
                 f'{camera.width}x{camera.height}'
             )
-        fitting(self._mask, image)
+        fitting(self.mask, image)
         return self._depth.scaled(image)
 
     def view(self, image: Grey) -> tuple[View, Floats]:
@@ -114,8 +121,8 @@ class SurveyCamera:
         view = self._rectifier.rectify(image)
         noise = self._noise or estimate_pixel_noise(image)
         weight = gramian(view.footprint, pixel_noise=noise, map_noise=0.0) * self._used
-        if self._mask is not None:
-            weight = weight * self._rectifier.unmasked(self._mask)
+        if self.mask is not None:
+            weight = weight * self._rectifier.unmasked(self.mask)
         lift = self.vignetting.lift(self.radius_sq).astype(np.float32)
         return replace(view, patch=view.patch * lift), weight / lift**2
 
