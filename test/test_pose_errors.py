@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from gip_localizer.mapping.pose_errors import estimate_pose_errors, Pair
 from gip_localizer.mapping.pose_pairs import choose_pairs, driven_distances, Station
 
 LENGTH = 10.0  # m, of the view
+CELL = 0.05  # m, of the map
 MEASURED = np.diag([1e-3, 1e-3, 1e-4]) ** 2
 
 
@@ -52,13 +55,14 @@ def pairs(accuracy: MapAccuracy, seed: int, smooth: float = 8.0) -> list[Pair]:
     MapAccuracy(0.005, 0.001), MapAccuracy(0.02, 0.002), MapAccuracy(0.1, 0.005),
 ])
 def test_the_errors_of_smooth_poses_are_estimated(accuracy):
-    found = np.array([estimate_pose_errors(pairs(accuracy, seed)).accuracy for seed in range(2)])
+    found = np.array([estimate_pose_errors(pairs(accuracy, seed), CELL).accuracy
+                      for seed in range(2)])
     ratio = np.sqrt(np.mean(found**2, axis=0)) / np.array(accuracy)
     assert np.all((ratio > 0.5) & (ratio < 2.0)), ratio
 
 
 def test_exact_poses_have_errors_of_the_size_of_the_measurements():
-    accuracy = estimate_pose_errors(pairs(MapAccuracy(), seed=1)).accuracy
+    accuracy = estimate_pose_errors(pairs(MapAccuracy(), seed=1), CELL).accuracy
     assert accuracy.sigma_xy < 0.003
     assert accuracy.sigma_yaw < 3e-4
 
@@ -66,12 +70,21 @@ def test_exact_poses_have_errors_of_the_size_of_the_measurements():
 def test_a_pose_that_jumped_is_named_and_changes_nothing_else():
     good = pairs(MapAccuracy(0.005, 0.001), seed=2)
     bad = good[7]
-    jumped = Pair(bad.stamps_ns, bad.driven, bad.lever,
-                  bad.disagreement + np.array([0.4, -0.2, 0.0]), bad.covariance)
-    found = estimate_pose_errors([*good[:7], jumped, *good[8:]])
+    jumped = replace(bad, disagreement=bad.disagreement + np.array([0.4, -0.2, 0.0]))
+    found = estimate_pose_errors([*good[:7], jumped, *good[8:]], CELL)
     assert [pair.stamps_ns for pair in found.outliers] == [bad.stamps_ns]
-    without = estimate_pose_errors([*good[:7], *good[8:]])
+    without = estimate_pose_errors([*good[:7], *good[8:]], CELL)
     assert found.accuracy == pytest.approx(without.accuracy)
+
+
+def test_a_camera_that_is_mounted_otherwise_is_no_error_of_the_poses():
+    made = pairs(MapAccuracy(0.005, 0.001), seed=2)
+    scaled = [replace(pair, disagreement=pair.disagreement + 0.04 * np.array([*pair.lever, 0.0]))
+              for pair in made]
+    one, other = (estimate_pose_errors(some, CELL) for some in (made, scaled))
+    assert other.accuracy == pytest.approx(one.accuracy, rel=0.02)
+    assert other.drift - one.drift == pytest.approx([-0.04, 0.0], abs=1e-3)
+    assert abs(other.drift[0] + 0.04) < 3.0 * other.drift_sigma < 0.01
 
 
 def test_pairs_are_of_frames_that_see_the_same_road():

@@ -14,8 +14,11 @@ from gip_localizer.core.map.resampling import scaled
 from gip_localizer.evaluation.metrics import TableRow
 from gip_localizer.mapping.mapped_drive import MappedDrive
 from gip_localizer.mapping.pose_check import LEAST_PAIRS, PoseCheckResult
+from gip_localizer.mapping.pose_errors import PoseErrors
 from gip_localizer.mapping.survey_camera import LONGEST_PIXEL
 
+LEAST_DRIFT = 0.01
+"""Disagreement per metre that is named, m/m; chosen: 1.5 cm of height at 1.5 m."""
 MOST_NAMED = 5
 """Largest number of pairs of frames that are named; chosen."""
 
@@ -80,6 +83,19 @@ def pose_rows(checked: PoseCheckResult | None) -> list[TableRow]:
     return rows
 
 
+def _calibration_note(errors: PoseErrors) -> list[str]:
+    """Return a note if all pairs disagree in proportion to the distance between the frames."""
+    drift = errors.drift
+    if np.abs(drift).max() < max(3.0 * errors.drift_sigma, LEAST_DRIFT):
+        return []
+    return [
+        f'frames disagree by {100.0 * drift[0]:.1f} % ahead and {100.0 * drift[1]:.1f} % to the '
+        f'left of the distance between them (standard deviation {100.0 * errors.drift_sigma:.1f} '
+        '%), all alike: camera.z, camera.pitch, camera.yaw or the intrinsics do not fit; the '
+        'poses are not to blame'
+    ]
+
+
 def _disagreement(checked: PoseCheckResult) -> Floats:
     """Return the root mean square (3,) of the disagreements."""
     return np.sqrt(np.mean([pair.disagreement**2 for pair in checked.pairs], axis=0))
@@ -96,7 +112,7 @@ def pose_notes(checked: PoseCheckResult | None) -> list[str]:
             f'of frames could be compared, at least {LEAST_PAIRS} are needed; the map counts as '
             'exact (state sigma_xy and sigma_yaw in its YAML if they are known)'
         ]
-    notes = []
+    notes = _calibration_note(checked.errors)
     for pair in checked.errors.outliers[:MOST_NAMED]:
         x, y, yaw = pair.disagreement
         notes.append(

@@ -97,7 +97,9 @@ class PoseCheck:
                         disagreement=found[0], covariance=found[1],
                     ))
             on_pair()
-        errors = estimate_pose_errors(pairs) if len(pairs) >= LEAST_PAIRS else None
+        errors = None
+        if len(pairs) >= LEAST_PAIRS:
+            errors = estimate_pose_errors(pairs, self._resolution)
         return PoseCheckResult(pairs, len(self.indices), errors)
 
     def _images(self) -> dict[int, Grey]:
