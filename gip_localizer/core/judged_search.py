@@ -13,6 +13,7 @@ from __future__ import annotations
 from gip_localizer.core.belief import Belief
 from gip_localizer.core.estimate import Status
 from gip_localizer.core.integrity import judge, Verdict
+from gip_localizer.core.search.expected_fit import FitReference
 from gip_localizer.core.search.frame_search import FrameSearch
 from gip_localizer.core.search.search_result import SearchResult
 from gip_localizer.core.track.track_state import TrackState
@@ -49,14 +50,21 @@ class JudgedSearch:
         if self._search.match.contrast < self._parameters.integrity.min_contrast:
             return self._judged(None)
         if supporting is not None:
-            near = self._judged(self._search.near(supporting))
+            near = self._judged(self._search.near(supporting, self._state.reference))
             if near[1].status is Status.TRACKING and near[1].expected:
+                self._refer_to(near)
                 return near
         found, verdict = self._first_match(stamp_ns, prior)
         if found is None or prior is None or verdict.status is not Status.TRACKING:
             return found, verdict
         reach = self._state.pose_filter.reach(prior)
         return self._judged(self._search.with_equal_places(found, prior, reach))
+
+    def _refer_to(self, near: Outcome) -> None:
+        """Compare the next frames with a fix that was compared with the other modes."""
+        found, fit = near[0], near[1].fit
+        if found is not None and fit is not None and found.compared:
+            self._state.reference = FitReference(fit.fit_score, fit.overdispersion)
 
     def _first_match(self, stamp_ns: int, prior: Belief | None) -> Outcome:
         """Search the whole map, or around the belief and then where unproven odometry leads to."""

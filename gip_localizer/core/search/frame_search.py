@@ -14,6 +14,7 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.core.refine.fit import Fit, SAME_PLACE
 from gip_localizer.core.refine.observation import FrameErrors
 from gip_localizer.core.refine.refiner import Refiner
+from gip_localizer.core.search.expected_fit import ExpectedFit, FitReference
 from gip_localizer.core.search.global_search import global_search
 from gip_localizer.core.search.local_search import search_window
 from gip_localizer.core.search.map_crops import MapCrops
@@ -63,9 +64,20 @@ class FrameSearch:
     parameters: Parameters
     errors: FrameErrors
 
-    def near(self, prior: Belief) -> SearchResult | None:
-        """Search the small window around a confirmed belief; None if it is outside the map."""
-        return self._within(prior, tracking_window(prior, self.parameters))
+    def near(self, prior: Belief, reference: FitReference | None = None) -> SearchResult | None:
+        """
+        Search the small window around a confirmed belief; None if it is outside the map.
+
+        Parameters
+        ----------
+        prior : Belief
+            Belief at the centre of the window.
+        reference : FitReference or None
+            A fit near the belief that is as good ends the search.
+
+        """
+        expected = None if reference is None else ExpectedFit(prior, reference)
+        return self._within(prior, tracking_window(prior, self.parameters), expected)
 
     def about(self, prior: Belief, *, fresh: bool) -> SearchResult | None:
         """
@@ -133,11 +145,13 @@ class FrameSearch:
             and fit.fit_score > EQUAL_SHARE * winner.fit_score
         ])
 
-    def _within(self, prior: Belief, extent: SearchWindow) -> SearchResult | None:
+    def _within(
+        self, prior: Belief, extent: SearchWindow, expected: ExpectedFit | None = None
+    ) -> SearchResult | None:
         return search_window(
             self.match.view, self.match.weight, self.crops, prior, extent,
             refiner=self.refiner, normalized=self.parameters.score.normalized,
-            errors=self.errors,
+            errors=self.errors, expected=expected,
         )
 
 

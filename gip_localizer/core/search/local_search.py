@@ -30,6 +30,7 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.core.refine.fit import Fit
 from gip_localizer.core.refine.observation import FrameErrors
 from gip_localizer.core.refine.refiner import Refiner
+from gip_localizer.core.search.expected_fit import ExpectedFit
 from gip_localizer.core.search.map_crops import MapCrops
 from gip_localizer.core.search.search_result import SearchResult
 from gip_localizer.core.search.window import SearchWindow
@@ -44,7 +45,7 @@ def coarse_factor(resolution: float, cell: float) -> int:
 
 def search_window(
     view: View, weight: Floats, crops: MapCrops, prior: Belief, extent: SearchWindow, *,
-    refiner: Refiner, normalized: bool, errors: FrameErrors,
+    refiner: Refiner, normalized: bool, errors: FrameErrors, expected: ExpectedFit | None = None,
 ) -> SearchResult | None:
     """
     Find the best poses in a window around a prior.
@@ -65,6 +66,8 @@ def search_window(
         Whether gain and offset are profiled out.
     errors : FrameErrors
         Known errors of the frame.
+    expected : ExpectedFit or None
+        What the fit of a tracked frame is expected to be.
 
     Returns
     -------
@@ -86,9 +89,11 @@ def search_window(
     scored = partial(_scored, view, weight, crops, prior, extent, refiner.camera, normalized)
     refine_near = partial(refiner.refine, finer) if extent.near and len(finer) > 1 else None
     refine_uneven = partial(refine, uneven=True) if normalized else None
-    window = WindowSearch(scored, refine, refine_near, refine_uneven)
+    window = WindowSearch(scored, refine, refine_near, refine_uneven, expected)
     level, *pitched_views = refiner.pitches
     window.score(level)
+    if window.find_expected():
+        return window.expected_result()
     if not window.is_level():
         for pitch in pitched_views:
             window.score(pitch)

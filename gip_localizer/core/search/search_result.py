@@ -30,12 +30,15 @@ class SearchResult:
         Posterior of the candidates; None if no candidate overlaps the map enough.
     fits : list of Fit
         Refined modes, best first.
+    compared : bool
+        The best fit was compared with the other modes; False where it was expected.
 
     """
 
     scores: Scores
     surface: PosteriorSurface | None
     fits: list[Fit]
+    compared: bool = True
 
     def with_fits(self, fits: list[Fit]) -> SearchResult:
         """Return the result with the fits of another search."""

@@ -10,6 +10,7 @@ from gip_localizer.core.match.posterior import modes, PosteriorSurface
 from gip_localizer.core.match.score_surface import Scores
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.refine.fit import Fit
+from gip_localizer.core.search.expected_fit import ExpectedFit
 from gip_localizer.core.search.hypotheses import competitors, Hypothesis
 from gip_localizer.core.search.search_result import SearchResult
 
@@ -49,16 +50,20 @@ class WindowSearch:
     refine_uneven : callable or None
         Refines a pose and a pitch under a light that varies over the road. It is tried where
         uniform light leaves a contradiction, and used from then on if it fits better.
+    expected : ExpectedFit or None
+        A fit of `refine_near` that meets it ends the search.
 
     """
 
     def __init__(
         self, scored: Callable[[float], tuple[Scores, PosteriorSurface | None]],
         refine: Callable[..., Fit], refine_near: Callable[..., Fit] | None,
-        refine_uneven: Callable[..., Fit] | None,
+        refine_uneven: Callable[..., Fit] | None, expected: ExpectedFit | None = None,
     ) -> None:
         self._scored, self._refine, self._refine_near = scored, refine, refine_near
         self._refine_uneven, self._uneven = refine_uneven, False
+        self._expected = expected
+        self._near: Fit | None = None
         self._scores: list[Scores] = []
         self._hypotheses: list[Hypothesis] = []
         self._fits: dict[Hypothesis | Pose2, Fit] = {}
@@ -77,19 +82,32 @@ class WindowSearch:
         likely = [start for start in self._hypotheses if start.log_posterior > MIN_LOG_POSTERIOR]
         any(_is_clear_winner(self._fit(start)) for start in likely[:most])
 
+    def find_expected(self) -> bool:
+        """Refine the best mode near its optimum; return whether it is the expected fit."""
+        if not self._hypotheses or self._refine_near is None:
+            return False
+        start = self._hypotheses[0]
+        self._near = self._refine_near(start.pose, pitch=start.pitch)
+        return self._expected is not None and self._expected.is_met_by(self._near)
+
     def is_level(self) -> bool:
         """Return whether the best mode fits well with the camera near its calibrated pitch."""
         if not self._hypotheses:
             return False
         start = self._hypotheses[0]
-        if self._refine_near is not None:
-            near = self._refine_near(start.pose, pitch=start.pitch)
-            fit = self._with_better_light(near, start)
-            if _is_clear_winner(fit) or fit is not near:
+        if self._near is not None:
+            fit = self._with_better_light(self._near, start)
+            if _is_clear_winner(fit) or fit is not self._near:
                 self._fits[start] = fit
         fit = self._fit(start)
         level = bool(abs(fit.camera_motion[0]) < LEVEL_PITCH)
         return _is_clear_winner(fit) or (level and fit.fit_score > LEVEL_SCORE)
+
+    def expected_result(self) -> SearchResult:
+        """Return the result with the expected fit alone."""
+        assert self._near is not None
+        best = self._hypotheses[0]
+        return SearchResult(best.scores, best.surface, [self._near], compared=False)
 
     def result(self) -> SearchResult:
         """Refine a doubtful winner from both sides, and its competitors; return the result."""

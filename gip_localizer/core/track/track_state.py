@@ -19,6 +19,7 @@ import numpy as np
 from gip_localizer.core.belief import Belief
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.refine.error_level import ErrorLevel
+from gip_localizer.core.search.expected_fit import FitReference
 from gip_localizer.core.track.motion_model import FilterState
 from gip_localizer.core.track.pose_filter import PoseFilter
 from gip_localizer.core.track.stamp_check import StampCheck
@@ -62,6 +63,8 @@ class TrackState:
     error_level : ErrorLevel
         Level of the smooth errors of road, map and calibration, from the matches with this
         calibration.
+    reference : FitReference or None
+        How well the last fix fitted that was compared with the other modes; None before it.
     misses : int
         Consecutive frames without a fix.
     unconfirmed : int
@@ -79,6 +82,7 @@ class TrackState:
         self.stamps = StampCheck()
         self.gain: float | None = None
         self.error_level = ErrorLevel()
+        self.reference: FitReference | None = None
         self.search_requested = False
         self._searched_ns: int | None = None
         self._before_suspect = FilterState()
@@ -133,10 +137,12 @@ class TrackState:
         """Forget the gain and the level of the smooth errors, which depend on the calibration."""
         self.gain = None
         self.error_level = ErrorLevel()
+        self.reference = None
 
     def _begin(self) -> None:
         self.misses = 0
         self.unconfirmed = 0
+        self.reference = None
         self.from_initialpose = True
 
     def request_search(self) -> None:
