@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 from match_samples import texture
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import map_coordinates
 
 from gip_localizer.core.map.raster_map import RasterMap
+from gip_localizer.core.map.resampling import doubled
 from gip_localizer.core.map.versions import doubled_map, smoothed_map
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import MapError
@@ -221,3 +223,12 @@ def test_a_map_finer_than_the_view_is_smoothed_once(cells, done, kind):
 def test_noise_of_another_shape_is_refused():
     with pytest.raises(MapError, match='noise has shape'):
         RasterMap(np.zeros((6, 8), np.uint8), 0.05, noise=np.zeros((6, 7), np.uint8))
+
+
+def test_a_doubled_map_is_the_cubic_spline_through_its_cells():
+    cells = np.random.default_rng(2).random((40, 40)).astype(np.float32)
+    at = np.arange(40)
+    columns = CubicSpline(at, cells.astype(float), axis=1, bc_type='natural')
+    rows = CubicSpline(at, columns(np.arange(5, 35) + 0.25), axis=0, bc_type='natural')
+    made = doubled(cells)[11:71:2, 11:71:2]
+    assert made == pytest.approx(rows(np.arange(5, 35) + 0.25), abs=2e-3)
