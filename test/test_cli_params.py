@@ -9,7 +9,7 @@ import pytest
 from gip_localizer.cli import main
 from gip_localizer.cli.parameter_pages import generated_pages
 from gip_localizer.parameters import load_parameter_file, Parameters
-from gip_localizer.parameters.spec import load_ros_yaml
+from gip_localizer.parameters.ros_yaml import load_ros_yaml
 from gip_localizer.session.diagnostic_rules import DIAGNOSTIC_GROUPS
 
 ROOT = Path(__file__).parents[1]

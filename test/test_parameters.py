@@ -12,7 +12,8 @@ import yaml
 
 from gip_localizer.errors import ParameterError
 from gip_localizer.parameters import dump_parameter_file, load_parameter_file, Parameters
-from gip_localizer.parameters.spec import dump_ros_yaml, load_ros_yaml, Spec
+from gip_localizer.parameters.ros_yaml import dump_ros_yaml, load_ros_yaml
+from gip_localizer.parameters.spec import Spec
 from gip_localizer.synthetic.parameters import SyntheticCameraParameters
 
 SPECS = {spec.name: spec for spec in Parameters.specs()}

@@ -8,6 +8,7 @@ from array import array
 from importlib.util import find_spec
 from itertools import cycle
 import os
+from pathlib import Path
 import signal
 import subprocess
 import sys
@@ -342,8 +343,10 @@ def test_relocalize_and_wait_answers_with_the_outcome(start, tester, render):
 
 
 def test_ctrl_c_amid_the_imports_is_quiet(tmp_path):
+    raster_map = Path(__file__).parents[1] / 'bags' / 'demo' / 'map.yaml'
     command = [sys.executable, '-X', 'importtime', '-c',
-               'import sys; from gip_localizer.ros.entry import localizer; sys.exit(localizer())']
+               'import sys; from gip_localizer.ros.entry import localizer; sys.exit(localizer())',
+               '--ros-args', '-p', f'map_file:={raster_map}']
     log = tmp_path / 'log'
     with log.open('w') as out, subprocess.Popen(command, stderr=out, env=os.environ) as process:
         deadline = time.monotonic() + PATIENCE

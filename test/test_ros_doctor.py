@@ -120,7 +120,7 @@ def test_before_the_start_a_parameter_file_is_judged_with_the_topics(stack, map_
     assert code == 1
     assert failed == ['node', 'image', 'map']
     assert '0 % of the view at initial_pose is known' in said
-    assert 'offered best_effort, volatile, asked for reliable, volatile' in said
+    assert 'offered best_effort, volatile, requested reliable, volatile' in said
 
 
 def seen(**changes):

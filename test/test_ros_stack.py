@@ -40,7 +40,7 @@ from std_msgs.msg import Float64
 
 from gip_localizer.core.pose import Pose2
 from gip_localizer.parameters import load_parameter_file
-from gip_localizer.parameters.spec import dump_ros_yaml
+from gip_localizer.parameters.ros_yaml import dump_ros_yaml
 from gip_localizer.ros.conversions import header_of, pose_of, time_of
 from gip_localizer.session.diagnostic_rules import DIAGNOSTIC_GROUPS
 

@@ -17,7 +17,7 @@ from gip_localizer.io.images import compressed_grey_image, grey_image
 from gip_localizer.io.map_files import load_map
 from gip_localizer.io.messages import calibration, planar_pose, stamp_ns
 from gip_localizer.parameters import load_parameter_file
-from gip_localizer.parameters.spec import load_ros_yaml
+from gip_localizer.parameters.ros_yaml import load_ros_yaml
 from gip_localizer.synthetic.parameters import SyntheticCameraParameters
 from gip_localizer.synthetic.scenarios import SCENARIOS
 

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 from gip_localizer.parameters import Parameters
 from gip_localizer.parameters.integration import BagPlayerParameters
-from gip_localizer.parameters.spec import dump_ros_yaml, ParameterGroup, Spec, Value
+from gip_localizer.parameters.ros_yaml import dump_ros_yaml
+from gip_localizer.parameters.spec import ParameterGroup, Spec, Value
 from gip_localizer.session.diagnostic_rules import DIAGNOSTIC_GROUPS
 from gip_localizer.synthetic.parameters import CameraNodeParameters
 

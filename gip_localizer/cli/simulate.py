@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
 def _parameters(args: argparse.Namespace) -> Any:
     from gip_localizer.cli.settings import parse_settings
     from gip_localizer.errors import ParameterError
-    from gip_localizer.parameters.spec import load_ros_yaml
+    from gip_localizer.parameters.ros_yaml import load_ros_yaml
     from gip_localizer.synthetic.parameters import SyntheticCameraParameters
     from gip_localizer.synthetic.scenarios import scenario_parameters
 

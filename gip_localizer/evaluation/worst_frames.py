@@ -37,7 +37,7 @@ class Ranking:
     seen: int = 0
 
     def wants(self, value: float) -> bool:
-        """Tell whether a value is among the largest; counts it."""
+        """Count a value; return whether it is among the largest."""
         self.seen += 1
         return len(self.kept) < self.count or value > self.kept[0][0]
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Maps on disk: a nav2 map_server YAML beside an image (8 or 16 bit, alpha 0 is no data)."""
+"""Maps on disk: a nav2 map_server YAML next to an image (8 or 16 bit, alpha 0 is no data)."""
 
 from __future__ import annotations
 

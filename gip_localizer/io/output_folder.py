@@ -3,7 +3,7 @@
 """
 A folder or file that is written whole or not at all.
 
-It is filled beside its place under a temporary name and renamed, so that a full disk or a
+It is filled next to its place under a temporary name and renamed, so that a full disk or a
 failure leaves nothing half done and an older folder as it was.
 
 """

@@ -166,7 +166,7 @@ def _tiff_cells(what: str, pixels: Grey, tags: TiffTags) -> Decoded:
 
 
 def _has_alpha(pixels: Grey, tags: TiffTags) -> bool:
-    """Tell whether the fourth band of a TIFF is alpha."""
+    """Return whether the fourth band of a TIFF is alpha."""
     if tags.extra:
         return tags.extra[0] != UNSPECIFIED
     band = pixels[:, :, 3]

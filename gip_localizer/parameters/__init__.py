@@ -3,15 +3,17 @@
 """Every tunable once: the localizer's parameters, and the groups that tie it into a stack."""
 
 from gip_localizer.parameters.localizer import (
+    dump_parameter_file,
+    load_parameter_file,
+    Parameters,
+)
+from gip_localizer.parameters.matching import (
     Birdseye,
     Camera,
     CameraMotion,
-    dump_parameter_file,
     Integrity,
-    load_parameter_file,
     METRICS,
     Motion,
-    Parameters,
     Recovery,
     Score,
     Search,

@@ -174,21 +174,21 @@ class BagPlayerNode(Node):
         self.stop()
 
     def step(self) -> bool:
-        """Publish the next message, while paused; tell whether there was one."""
+        """Publish the next message, while paused; return whether there was one."""
         message = self._playback.step() if self.paused else None
         if message is not None:
             self._send(message)
         return message is not None
 
     def seek(self, log_ns: int) -> bool:
-        """Go to a log time; tell whether it lies in the bag."""
+        """Go to a log time; return whether it lies in the bag."""
         if not self._playback.seek(log_ns):
             return False
         self._tell_time(self._playback.now_ns)
         return True
 
     def set_rate(self, rate: float) -> bool:
-        """Play faster or slower; tell whether the rate can be used."""
+        """Play faster or slower; return whether the rate can be used."""
         [result] = self.set_parameters([Parameter('rate', value=rate)])
         return bool(result.successful)
 

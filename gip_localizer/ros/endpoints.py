@@ -115,7 +115,7 @@ def qos_conflict(topic: str, publishers: Sequence[TopicEndpointInfo], qos: QoSPr
     offered = {f'{one.qos_profile.reliability.name.lower()}, '
                f'{one.qos_profile.durability.name.lower()}' for one in publishers}
     return (f'{_count(topic, publishers)}, none compatible: offered '
-            f'{" and ".join(sorted(offered))}, asked for {qos.reliability.name.lower()}, '
+            f'{" and ".join(sorted(offered))}, requested {qos.reliability.name.lower()}, '
             f'{qos.durability.name.lower()}')
 
 

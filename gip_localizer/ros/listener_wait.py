@@ -37,7 +37,7 @@ class ListenerWait:
         self._begins = self._announces = 0.0
 
     def over(self) -> bool:
-        """Tell whether the first message may be sent; once true, it stays so."""
+        """Return whether the first message may be sent; once true, it stays so."""
         now = time.monotonic()
         if self._awaited:
             if not all(publisher.get_subscription_count() for publisher in self._awaited):

@@ -50,7 +50,7 @@ class ManagedLocalizerNode(LifecycleNode):
 
     A map that cannot be used fails the transition, with its reason in the log, and the node stays
     unconfigured. While it is inactive it listens to camera_info, odometry and initialpose, so
-    that it starts where it is told to.
+    that it starts at the given pose.
 
     """
 

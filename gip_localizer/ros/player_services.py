@@ -21,13 +21,13 @@ class Player(Protocol):
     paused: bool
 
     def step(self) -> bool:
-        """Publish the next message, while paused; tell whether there was one."""
+        """Publish the next message, while paused; return whether there was one."""
 
     def seek(self, log_ns: int) -> bool:
-        """Go to a log time; tell whether it lies in the bag."""
+        """Go to a log time; return whether it lies in the bag."""
 
     def set_rate(self, rate: float) -> bool:
-        """Play faster or slower; tell whether the rate can be used."""
+        """Play faster or slower; return whether the rate can be used."""
 
     def rate(self) -> float:
         """Return bag seconds per second."""

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from itertools import takewhile
 import signal
 import sys
@@ -55,7 +56,7 @@ def run_node(
     if {'-h', '--help'}.intersection(takewhile(lambda word: word != '--ros-args', words)):
         sys.stdout.write(HELP.format(name=name, example=example))
         return 0
-    told = _hear_stops()
+    stopped = _hear_stops()
     try:
         rclpy.init(args=list(args) if args is not None else None)
     except RuntimeError as error:  # rcl's error: arguments or a parameter file it cannot read
@@ -74,10 +75,11 @@ def run_node(
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (GipError, NameValidationException) as error:
-        get_logger(name).fatal(str(error))
+        with suppress(KeyboardInterrupt):
+            get_logger(name).fatal(str(error))
         return 1
     except RuntimeError:  # a signal amid rcl, which makes an error of its own of it
-        if rclpy.ok() and not told.is_set():
+        if rclpy.ok() and not stopped.is_set():
             raise
     finally:
         _end(node)
@@ -97,20 +99,20 @@ def _end(node: Node | None) -> None:
 
 def _hear_stops() -> threading.Event:
     """
-    Let the first signal interrupt whatever runs, and those after it nothing; tell of it.
+    Let the first signal interrupt what runs, ignore those after it, and report the first.
 
     rclpy hands signals on to the handlers that it finds. By itself it waits for the frame in
     work at SIGTERM, a search of the whole map perhaps, and takes the topics away from under it.
 
     """
-    told = threading.Event()
+    stopped = threading.Event()
 
     def stop(_number: int, _frame: FrameType | None) -> None:
-        if not told.is_set():
-            told.set()
+        if not stopped.is_set():
+            stopped.set()
             raise KeyboardInterrupt
 
     for number in STOPS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, stop)
-    return told
+    return stopped

@@ -89,7 +89,7 @@ class SyntheticCameraNode(Node):
         camera = self._drive.synthetic_camera
         camera.parameters = settings
         if settings.camera != held:
-            # The camera is held elsewhere: the next one is built with the next frame.
+            # The camera has another pose: the next one is built with the next frame.
             self._mount.place(settings.camera)
             del self._drive.synthetic_camera
 

@@ -23,7 +23,7 @@ from gip_localizer.io.bags.writer import BagWriter, make, make_header, make_pose
 from gip_localizer.io.map_files import save_map
 from gip_localizer.io.messages import full_covariance
 from gip_localizer.parameters import dump_parameter_file
-from gip_localizer.parameters.spec import dump_ros_yaml
+from gip_localizer.parameters.ros_yaml import dump_ros_yaml
 from gip_localizer.synthetic.drive import SyntheticDrive, SyntheticFrame
 from gip_localizer.synthetic.localizer_parameters import localizer_parameters
 from gip_localizer.synthetic.wheel_odometry import OdometryReading

@@ -42,7 +42,7 @@ class Residuals:
         Weighted mean square of v - û, gain and offset profiled out when normalized; inf where
         the overlap is too small.
     correlation : (...) float32 or None
-        Weighted correlation coefficient; None where only the residual was asked for.
+        Weighted correlation coefficient; None where only the residual was requested.
     weights : float32
         Weight on known map cells; one number per yaw where the map is known.
     total : float

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Suite `model-error`: what is published where road, map, calibration or light are not as told."""
+"""Suite `model-error`: what is published where road, map, calibration or light deviate."""
 
 from __future__ import annotations
 

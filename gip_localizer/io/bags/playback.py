@@ -58,7 +58,7 @@ class Playback:
             )
 
     def seek(self, log_ns: int) -> bool:
-        """Go to a log time; tell whether it lies in the drive (else the position stays)."""
+        """Go to a log time; return whether it lies in the drive (else the position stays)."""
         first, last = self._bag.start_ns, self._bag.end_ns
         if not first <= log_ns <= last:
             return False

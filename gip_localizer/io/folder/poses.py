@@ -192,7 +192,7 @@ def _of_base(
 
 
 def _upright(T: Floats) -> bool:
-    """Tell whether roll and pitch of every pose are possible on a road."""
+    """Return whether roll and pitch of every pose are possible on a road."""
     z = T[:, :3, 2]
     return bool(np.all(z[:, 2] > math.cos(STEEPEST)))
 

@@ -3,7 +3,7 @@
 """
 Stamps of images: a file with one line per image, the names of the images, or a rate.
 
-A line holds seconds, milliseconds, microseconds or nanoseconds (told apart by their size), or
+A line holds seconds, milliseconds, microseconds or nanoseconds (recognized by their size), or
 date and time in UTC; then, optionally, the name of the image.
 
 """

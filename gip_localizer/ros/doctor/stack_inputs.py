@@ -120,7 +120,7 @@ def odometry(seen: Observed) -> Check:
     frames = seen.parameters.frames
     if not heard.publishers and not heard.others:
         return Check(name, f'{heard.topic}: nothing publishes it; the velocity of the last poses '
-                     'is held')
+                     'is used')
     if fault := unheard(name, heard, seen.seconds):
         return fault
     found = f'{heard.topic}: {_rate(heard)}'

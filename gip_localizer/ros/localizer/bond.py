@@ -68,7 +68,7 @@ class Bond:
         self._publish(active=True)
 
     def close(self) -> None:
-        """Tell the other side that the bond ends, and leave the topic."""
+        """Announce the end of the bond to the other side, and leave the topic."""
         self._end()
         self._node.destroy_timer(self._timer)
         self._node.destroy_subscription(self._subscription)

@@ -63,7 +63,7 @@ class MapInUse:
             self._next = _map_of(parameters)
 
     def change(self, parameters: Parameters) -> bool:
-        """Take the map that `check` has read; tell whether it is another one."""
+        """Take the map that `check` has read; return whether it is another one."""
         if parameters.map_file == self._file:
             return False
         self.raster_map = self._next or _map_of(parameters)
