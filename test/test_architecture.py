@@ -16,7 +16,8 @@ ROOMS = (
     'arrays', 'threads', 'pose', 'belief', 'kernels', 'cell_means', 'gramian', 'camera',
     'birdseye', 'map', 'match', 'refine', 'calibrated_view', 'estimate', 'search',
     'confidence', 'confidence_terms', 'match_figures', 'integrity', 'protection_terms',
-    'protection', 'track', 'guard', 'judged_search', 'localizer',
+    'protection', 'track', 'guard', 'judged_search', 'track_verdicts', 'stage_times',
+    'localizer',
 )
 """Of `core`, in the same manner."""
 ROS_PACKAGES = {

@@ -9,14 +9,12 @@ The localizer: one frame in, one estimate out.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
-import time
 
 from gip_localizer.core.arrays import Floats, Grey
 from gip_localizer.core.belief import Belief, checked_prior
-from gip_localizer.core.birdseye.weights import cell_weights, noise_levels
+from gip_localizer.core.birdseye.rectifier import View
+from gip_localizer.core.birdseye.weights import cell_weights, noise_levels, NoiseLevels
 from gip_localizer.core.calibrated_view import CalibratedView
 from gip_localizer.core.camera.image_check import image_fault
 from gip_localizer.core.camera.model import CameraModel
@@ -29,8 +27,14 @@ from gip_localizer.core.protection import protection_figures
 from gip_localizer.core.refine.observation import FrameErrors
 from gip_localizer.core.search.frame_search import FrameSearch
 from gip_localizer.core.search.map_crops import MapCrops
+from gip_localizer.core.stage_times import StageTimes
 from gip_localizer.core.track.odometry import OdometrySample
 from gip_localizer.core.track.track_state import TrackState
+from gip_localizer.core.track_verdicts import (
+    verdict_of_fix,
+    verdict_of_miss,
+    verdict_without_search,
+)
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Parameters
 
@@ -59,7 +63,7 @@ class Localizer:
         self.state = TrackState(parameters)
         self._crops = MapCrops(raster_map)
         self._prepared: CalibratedView | None = None
-        self._timings: dict[str, float] = {}
+        self._times = StageTimes()
 
     def configure(self, parameters: Parameters) -> None:
         """Use new parameters from the next frame on; the belief stays."""
@@ -137,48 +141,67 @@ class Localizer:
             A pose with covariance, or the reason why there is none.
 
         """
-        self._timings = {}
-        if fault := image_fault(image, mask, camera):
-            return self._without_pose(stamp_ns, Status.BAD_IMAGE, fault)
-        if fault := self.state.take_stamp(stamp_ns):
-            return self._without_pose(stamp_ns, Status.OUT_OF_ORDER, fault)
-        prepared = self._prepare(stamp_ns, camera)
+        self._times = StageTimes()
+        prepared = self._checked(stamp_ns, image, camera, mask)
         if isinstance(prepared, Estimate):
             return prepared
         prior = self.state.predict(stamp_ns)
         if prior is None and not self.state.search_due(stamp_ns):
-            return self._before_search(stamp_ns)
+            period = self.parameters.recovery.period
+            waiting = verdict_without_search(self.state, recovery_period=period)
+            return self._without_pose(stamp_ns, waiting.status, waiting.reason)
 
-        with self._stage('birdseye'):  # 1 mean per cell
+        with self._times.stage('birdseye'):  # 1 mean per cell
             view = prepared.rectifier.rectify(image)
 
-        with self._stage('gramian'):  # 2 weight per cell
-            noise = noise_levels(
-                view, image, self.parameters.score, gain=self.state.gain,
-                map_contrast=self.raster_map.contrast,
-            )
-            weight = cell_weights(view, noise, self.parameters.score)
-            if mask is not None:
-                weight = weight * prepared.rectifier.unmasked(mask)
-            match = Match(view, weight)
+        with self._times.stage('gramian'):  # 2 weight per cell
+            noise = self._noise(view, image)
+            match = Match(view, self._weight(view, noise, prepared, mask))
 
-        with self._stage('match'):  # 3 score per candidate, best modes refined, judged
-            search = FrameSearch(
-                match=match, crops=self._crops, refiner=prepared.refiner,
-                parameters=self.parameters, errors=FrameErrors(noise.map, self.state.error_level),
-            )
-            found, verdict = JudgedSearch(search, self.state, self.parameters).best(
-                stamp_ns, prior
-            )
+        with self._times.stage('match'):  # 3 score per candidate, best modes refined, judged
+            search = self._judged_search(match, noise, prepared)
+            found, verdict = search.best(stamp_ns, prior)
 
-        with self._stage('posterior'):  # 4 belief, or a reason why there is no pose
+        with self._times.stage('posterior'):  # 4 belief, or a reason why there is no pose
             match = replace(match, scores=found.scores if found else None, fit=verdict.fit)
             return self._update_track(stamp_ns, match, verdict, prior)
+
+    def _checked(
+        self, stamp_ns: int, image: Grey, camera: CameraModel, mask: Grey | None
+    ) -> CalibratedView | Estimate:
+        """Return what is precomputed for the camera, or why the frame cannot be used."""
+        if fault := image_fault(image, mask, camera):
+            return self._without_pose(stamp_ns, Status.BAD_IMAGE, fault)
+        if fault := self.state.take_stamp(stamp_ns):
+            return self._without_pose(stamp_ns, Status.OUT_OF_ORDER, fault)
+        return self._prepare(stamp_ns, camera)
+
+    def _noise(self, view: View, image: Grey) -> NoiseLevels:
+        return noise_levels(
+            view, image, self.parameters.score, gain=self.state.gain,
+            map_contrast=self.raster_map.contrast,
+        )
+
+    def _weight(
+        self, view: View, noise: NoiseLevels, prepared: CalibratedView, mask: Grey | None
+    ) -> Floats:
+        """Return the weight (rows, cols) of each cell of the view; 0 where it is masked."""
+        weight = cell_weights(view, noise, self.parameters.score)
+        return weight if mask is None else weight * prepared.rectifier.unmasked(mask)
+
+    def _judged_search(
+        self, match: Match, noise: NoiseLevels, prepared: CalibratedView
+    ) -> JudgedSearch:
+        search = FrameSearch(
+            match=match, crops=self._crops, refiner=prepared.refiner, parameters=self.parameters,
+            errors=FrameErrors(noise.map, self.state.error_level),
+        )
+        return JudgedSearch(search, self.state, self.parameters)
 
     def _prepare(self, stamp_ns: int, camera: CameraModel) -> CalibratedView | Estimate:
         """Return what is precomputed for a camera, or why its frame cannot be used."""
         try:
-            with self._stage('calibrate'):
+            with self._times.stage('calibrate'):
                 prepared = self._prepared
                 shown = self.raster_map.resolution, self.raster_map.accuracy
                 if prepared is None or not prepared.matches(camera, self.parameters, *shown):
@@ -189,42 +212,21 @@ class Localizer:
             return self._without_pose(stamp_ns, Status.NO_ROAD_IN_VIEW, str(error))
         return prepared
 
-    def _before_search(self, stamp_ns: int) -> Estimate:
-        if self.state.search_requested:
-            return self._without_pose(stamp_ns, Status.LOST, (
-                'not found on the map; the next search is due recovery.period '
-                f'{self.parameters.recovery.period:g} s after the last one'
-            ))
-        return self._without_pose(stamp_ns, Status.NO_PRIOR, (
-            'no prior yet: publish initialpose, set initial_pose.*, or call ~/relocalize'
-        ))
-
     def _update_track(
         self, stamp_ns: int, match: Match, verdict: Verdict, prior: Belief | None
     ) -> Estimate:
         fit = verdict.fit
         if verdict.status is not Status.TRACKING or fit is None:
             self.state.miss(prior)
-            return self._estimate(stamp_ns, self._lost_or(verdict), match)
+            return self._estimate(stamp_ns, verdict_of_miss(self.state, verdict), match)
         measured = Belief(stamp_ns, fit.pose, fit.covariance_in_map, shared=fit.shared_in_map)
         belief = self.state.accept(prior, measured, gain=fit.gain, error_level=fit.shared.level)
-        if self.state.unconfirmed > 0:
-            verdict = replace(verdict, status=Status.CONFIRMING, reason=(
-                f'found on the map; {self.state.unconfirmed} more agreeing frames are needed'
-            ))
-            return self._estimate(stamp_ns, verdict, match)
-        return self._estimate(stamp_ns, verdict, match, belief)
-
-    def _lost_or(self, verdict: Verdict) -> Verdict:
-        """Return the verdict of a frame without a fix, or LOST after too many of them."""
-        if not self.state.lost:
-            return verdict
-        return replace(verdict, status=Status.LOST, reason=(
-            f'{self.state.misses} frames without a fix; last: {verdict.status}, {verdict.reason}'
-        ))
+        verdict = verdict_of_fix(self.state, verdict)
+        published = belief if verdict.status is Status.TRACKING else None
+        return self._estimate(stamp_ns, verdict, match, published)
 
     def _without_pose(self, stamp_ns: int, status: Status, reason: str) -> Estimate:
-        return Estimate(stamp_ns, status, reason, timings_ms=dict(self._timings))
+        return Estimate(stamp_ns, status, reason, timings_ms=dict(self._times.milliseconds))
 
     def _estimate(
         self, stamp_ns: int, verdict: Verdict, match: Match, belief: Belief | None = None
@@ -233,8 +235,8 @@ class Localizer:
             stamp_ns=stamp_ns, status=verdict.status, reason=verdict.reason,
             pose=belief.pose if belief else None,
             covariance=belief.covariance if belief else None,
-            quality={**verdict.quality, **self._protection(belief)}, timings_ms=self._timings,
-            match=match,
+            quality={**verdict.quality, **self._protection(belief)},
+            timings_ms=self._times.milliseconds, match=match,
         )
 
     def _protection(self, belief: Belief | None) -> dict[str, float]:
@@ -244,11 +246,3 @@ class Localizer:
             belief.covariance, belief.pose, self._prepared.refiner.constant_errors,
             self.parameters.integrity,
         )
-
-    @contextmanager
-    def _stage(self, name: str) -> Iterator[None]:
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self._timings[name] = 1e3 * (time.perf_counter() - start)
