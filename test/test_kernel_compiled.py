@@ -20,13 +20,14 @@ from gip_localizer.core import cell_means
 from gip_localizer.core.birdseye.footprint_means import FootprintMeans
 from gip_localizer.core.birdseye.footprints import PARTS
 from gip_localizer.core.cell_means import downsampled
-from gip_localizer.core.kernels import library as compiled
-from gip_localizer.core.kernels.library import BLOCK, MARGIN, MOST_SLOPE, PlaneArray
+from gip_localizer.core.kernels import binding
+from gip_localizer.core.kernels.binding import AVAILABLE, PlaneArray
+from gip_localizer.core.kernels.library import BLOCK, MARGIN, MOST_SLOPE
 from gip_localizer.core.match import fft as spectra
 from gip_localizer.core.match.compiled_scores import Comparison
 from gip_localizer.core.match.template_rotation import Templates
 
-needs_kernels = pytest.mark.skipif(not compiled.AVAILABLE, reason='no C compiler built them')
+needs_kernels = pytest.mark.skipif(not AVAILABLE, reason='no C compiler built them')
 
 
 def answer(compiled: str, code: str, *arguments: str) -> str:
@@ -40,18 +41,18 @@ def answer(compiled: str, code: str, *arguments: str) -> str:
 
 @pytest.mark.skipif(not shutil.which('gcc'), reason='no GCC here')
 def test_where_there_is_a_compiler_the_loops_are_built():
-    assert os.environ.get('GIP_COMPILED') == '0' or compiled.AVAILABLE
+    assert os.environ.get('GIP_COMPILED') == '0' or AVAILABLE
 
 
 def test_the_environment_can_leave_them_out():
-    code = 'from gip_localizer.core.kernels.library import AVAILABLE; print(AVAILABLE)'
+    code = 'from gip_localizer.core.kernels.binding import AVAILABLE; print(AVAILABLE)'
     assert answer('0', code) == 'False\n'
 
 
 @needs_kernels
 def test_a_build_of_other_functions_is_left_out(monkeypatch):
-    monkeypatch.setattr(compiled, 'VERSION', compiled.VERSION + 1)
-    assert compiled.load() is None
+    monkeypatch.setattr(binding, 'VERSION', binding.VERSION + 1)
+    assert binding.load() is None
 
 
 def overlap(rows: int, width: int, cells: int, seed: int = 1) -> sparse.csr_matrix:
@@ -268,7 +269,7 @@ BAD = {
     'beyond the fields': 'compare([EYE], [ones(2, 5, 5)], ones(1, 0), (7, 0))',
     'other planes': 'library.turn_little(planes(2, 30, 30), EYE, ones(3, 5, 5))',
     'an affine of float32': 'library.turn_little(planes(2, 30, 30), ones(2, 3), ones(2, 5, 5))',
-    'gaps in a row': 'library.PlaneArray(ones(2, 5, 6)[:, :, ::2])',
+    'gaps in a row': 'binding.PlaneArray(ones(2, 5, 6)[:, :, ::2])',
     'cells of float64': 'library.average_cells(np.ones((9, 9)), ones(2), 2, (0, 0), (4, 4), '
                         'replicate=False)',
     'no larger cells': 'library.average_cells(ones(9, 9), ones(2), 2, (0, 0), (0, 4), '
@@ -283,7 +284,7 @@ BAD = {
 CALLS = """
 import sys
 import numpy as np
-from gip_localizer.core.kernels import library
+from gip_localizer.core.kernels import binding, library
 
 if __debug__:
     sys.exit('run it with -O')
@@ -293,12 +294,12 @@ def ones(*shape):
     return np.ones(shape, np.float32)
 
 def planes(*shape):
-    return library.PlaneArray(ones(*shape))
+    return binding.PlaneArray(ones(*shape))
 
 def compare(affines, buffers, totals, start):
     loop = library.TurnedComparison(planes(2, 5, 5), planes(1, 10, 11), np.zeros((1, 2), 'i4'),
                                     np.ones(1, 'i4'), 0)
-    loop(np.array(affines), np.ones(len(affines), 'u1'), [library.PlaneArray(b) for b in buffers],
+    loop(np.array(affines), np.ones(len(affines), 'u1'), [binding.PlaneArray(b) for b in buffers],
          totals, start, np.zeros((len(affines), 1, 2, 2), 'f4'))
 
 def means(image, starts, cell=0):

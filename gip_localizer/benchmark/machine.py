@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import scipy
 
-from gip_localizer.core.kernels.library import AVAILABLE
+from gip_localizer.core.kernels.binding import AVAILABLE
 from gip_localizer.core.threads import WORKERS
 
 

@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.kernels.library import AVAILABLE, average_cells
+from gip_localizer.core.kernels.binding import AVAILABLE
+from gip_localizer.core.kernels.library import average_cells
 
 
 def downsampled(

@@ -21,7 +21,8 @@ from scipy import sparse
 from gip_localizer.core.arrays import Floats, Grey, WHITE
 from gip_localizer.core.birdseye.byte_footprints import ByteFootprints
 from gip_localizer.core.birdseye.footprints import PARTS
-from gip_localizer.core.kernels.library import AVAILABLE, BLOCK
+from gip_localizer.core.kernels.binding import AVAILABLE
+from gip_localizer.core.kernels.library import BLOCK
 from gip_localizer.core.threads import in_parallel, WORKERS
 
 # Number of parts of an image per thread (design choice: 2, because a late thread then delays the

@@ -1,23 +1,18 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The compiled loops of this folder: the only file with their addresses and signatures.
+The compiled loops of this folder: one function or class per loop.
 
-There is one function or class per loop. They raise ValueError if the shape or type of an array is
-not what the loop reads (`array_checks`). The installation builds the loops if there is a compiler.
-Without them (`AVAILABLE` is False, or GIP_COMPILED=0 in the environment) the callers use NumPy,
-SciPy and OpenCV, which take longer and round differently in the last bits. ctypes releases
-Python's lock during a call.
+They raise ValueError if the shape or type of an array is not what the loop reads
+(`array_checks`). Without the loops (`AVAILABLE` is False, or GIP_COMPILED=0 in the environment)
+the callers use NumPy, SciPy and OpenCV, which take longer and round differently in the last bits.
+`binding` holds their addresses and signatures.
 
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-import ctypes
-import os
-from pathlib import Path
-import sysconfig
 
 import numpy as np
 
@@ -28,90 +23,24 @@ from gip_localizer.core.kernels.array_checks import (
     check_pair_fits,
     check_pairs,
     check_translations,
-    require_contiguous,
-    require_rows,
     require_shape,
 )
+from gip_localizer.core.kernels.binding import (
+    ADDRESS,
+    address,
+    Compared,
+    kernels,
+    PlaneArray,
+    Planes,
+    row_address,
+)
 
-# Version (no unit) of the functions, as in version.c.
-VERSION = 1
 # Number of pixels that `footprint_means` reads at once, as in footprints.c.
 BLOCK = 16
 # Number of zeros that `turn_little` may read on every side of a plane: LANES + 2 of turn.c.
 MARGIN = 10
 # Largest slope (rows per column) of `turn_little`: LANES - 1 columns of turn.c lie on two rows.
 MOST_SLOPE = 1.0 / 7.0
-_SIZE, _ADDRESS = ctypes.c_ssize_t, ctypes.c_void_p
-_Nothing = ctypes.c_char * 0
-
-
-class _Planes(ctypes.Structure):
-    """Address of (n, rows, cols) float32, and floats from plane to plane and from row to row."""
-
-    _fields_ = (('first', _ADDRESS), ('plane_step', _SIZE), ('row_step', _SIZE))
-
-
-class _Compared(ctypes.Structure):
-    """What of a view is compared with what of a map window, as compare.c says."""
-
-    _fields_ = (
-        ('templates', _Planes), ('count', _SIZE), ('rows', _SIZE), ('cols', _SIZE),
-        ('fields', _Planes), ('pairs', _ADDRESS), ('pairs_of_term', _ADDRESS), ('terms', _SIZE),
-        ('totals', _SIZE),
-    )
-
-
-def load() -> ctypes.CDLL | None:
-    path = Path(__file__).with_name(f'_kernels{sysconfig.get_config_var("EXT_SUFFIX")}')
-    if os.environ.get('GIP_COMPILED') == '0' or not path.exists():
-        return None
-    try:
-        library = ctypes.CDLL(str(path))
-        built = ctypes.c_int.in_dll(library, 'kernels_version').value
-    except (OSError, ValueError):  # built for another machine
-        return None
-    if built != VERSION:
-        return None
-    planes = ctypes.POINTER(_Planes)
-    arguments = {
-        'footprint_means': [_ADDRESS, _SIZE, *[_ADDRESS] * 7],
-        'compare_turned': [ctypes.POINTER(_Compared), _SIZE, _ADDRESS, _ADDRESS, planes, _SIZE,
-                           _SIZE, _ADDRESS, *[_SIZE] * 4, _ADDRESS],
-        'pair_planes': [planes, _SIZE, _SIZE, _ADDRESS, _SIZE],
-        'sum_complex_products': [_ADDRESS, _ADDRESS, _SIZE, _SIZE, _ADDRESS],
-        'turn_little': [planes, _SIZE, _SIZE, _ADDRESS, planes, *[_SIZE] * 3],
-        'join_cells': [_ADDRESS, *[_SIZE] * 5, _ADDRESS, *[_SIZE] * 2, ctypes.c_int, _ADDRESS,
-                       _ADDRESS, _SIZE, _SIZE],
-    }
-    for name, kinds in arguments.items():
-        function = getattr(library, name)
-        function.argtypes, function.restype = kinds, None
-    return library
-
-
-_LIBRARY = load()
-# Whether the compiled loops are built and not disabled.
-AVAILABLE = _LIBRARY is not None
-
-
-class PlaneArray:
-    """
-    Planes as the loops take them; it keeps the array alive.
-
-    Parameters
-    ----------
-    planes : (n, rows, cols) float32
-        There may be gaps between planes and rows, but not within a row.
-
-    """
-
-    def __init__(self, planes: Floats) -> None:
-        first = _row_address('planes', planes, np.float32, 3)
-        plane, row, cell = planes.strides
-        self.array = planes
-        self.c = _Planes(first, plane // cell, row // cell)
-
-
 class TurnedComparison:
     """
     Sums of products of turned templates and fields over few translations (compare.c).
@@ -140,9 +69,9 @@ class TurnedComparison:
         count, rows, cols = templates.array.shape
         require_shape('pairs', pairs.shape, (int(pairs_of_term.sum()), 2))
         check_pairs(pairs, count, len(fields.array), totals)
-        self._c = _Compared(
-            templates.c, count, rows, cols, fields.c, _address('pairs', pairs, np.int32),
-            _address('pairs_of_term', pairs_of_term, np.int32), self._terms, totals,
+        self._c = Compared(
+            templates.c, count, rows, cols, fields.c, address('pairs', pairs, np.int32),
+            address('pairs_of_term', pairs_of_term, np.int32), self._terms, totals,
         )
 
     def __call__(
@@ -178,12 +107,12 @@ class TurnedComparison:
         require_shape('sums', sums.shape, (yaws, self._terms, *sums.shape[2:]))
         (x, y), (n_x, n_y) = start, sums.shape[2:]
         check_translations(start, (n_x, n_y), shape[1:], fields.array.shape[1:])
-        _kernels().compare_turned(
-            self._c, yaws, _address('affines', affines, np.float64),
-            _address('turned', turned, np.uint8),
-            (_Planes * yaws)(*(buffer.c for buffer in buffers)), *shape[1:],
-            _address('totals', totals, np.float32), x, y, n_x, n_y,
-            _address('sums', sums, np.float32),
+        kernels().compare_turned(
+            self._c, yaws, address('affines', affines, np.float64),
+            address('turned', turned, np.uint8),
+            (Planes * yaws)(*(buffer.c for buffer in buffers)), *shape[1:],
+            address('totals', totals, np.float32), x, y, n_x, n_y,
+            address('sums', sums, np.float32),
         )
 
 
@@ -204,8 +133,8 @@ def turn_little(planes: PlaneArray, affine: Floats, out: Floats) -> None:
     target = PlaneArray(out)
     require_shape('affine', affine.shape, (2, 3))
     require_shape('out', out.shape, (len(planes.array), *out.shape[1:]))
-    _kernels().turn_little(
-        planes.c, *planes.array.shape[1:], _address('affine', affine, np.float64), target.c,
+    kernels().turn_little(
+        planes.c, *planes.array.shape[1:], address('affine', affine, np.float64), target.c,
         *out.shape,
     )
 
@@ -242,14 +171,14 @@ def footprint_means(
     require_shape('weights', weights.shape, (len(starts), BLOCK))
     require_shape('factors', factors.shape, cells.shape)
     require_shape('means', means.shape, cells.shape)
-    first = _row_address('image', image, np.uint8, 2)
+    first = row_address('image', image, np.uint8, 2)
     check_footprints(image, starts, cells, len(means), block=BLOCK)
-    _kernels().footprint_means(
-        first, len(cells_of_group), _address('cells_of_group', cells_of_group, np.int32),
-        _address('blocks_per_cell', blocks_per_cell, np.int32),
-        _address('starts', starts, np.int32), _address('weights', weights, np.uint8),
-        _address('cells', cells, np.int32), _address('factors', factors, np.float32),
-        _address('means', means, np.float32),
+    kernels().footprint_means(
+        first, len(cells_of_group), address('cells_of_group', cells_of_group, np.int32),
+        address('blocks_per_cell', blocks_per_cell, np.int32),
+        address('starts', starts, np.int32), address('weights', weights, np.uint8),
+        address('cells', cells, np.int32), address('factors', factors, np.float32),
+        address('means', means, np.float32),
     )
 
 
@@ -281,15 +210,15 @@ def average_cells(
         A new array.
 
     """
-    first = _row_address('values', values, np.float32, 2)
+    first = row_address('values', values, np.float32, 2)
     require_shape('taps', taps.shape, taps.shape[:1])
     check_averaging(values.shape, len(taps), factor, shape)
     out = np.empty(shape, np.float32)
     buffer = np.empty(2 * (factor * (shape[1] - 1) + len(taps)), np.float32)
-    _kernels().join_cells(
+    kernels().join_cells(
         first, values.strides[0] // values.itemsize, *values.shape, *corner,
-        _address('taps', taps, np.float32), len(taps), factor, replicate,
-        _address('buffer', buffer, np.float32), _address('out', out, np.float32), *shape,
+        address('taps', taps, np.float32), len(taps), factor, replicate,
+        address('buffer', buffer, np.float32), address('out', out, np.float32), *shape,
     )
     return out
 
@@ -300,8 +229,8 @@ def pair_planes(pair: Floats, plane: Grey) -> None:
     require_shape('pair', pair.shape, (2, *pair.shape[1:]))
     _, rows, cols = pair.shape
     check_pair_fits(pair.shape, plane.shape)
-    _kernels().pair_planes(
-        source.c, rows, cols, _address('plane', plane, np.complex64), 2 * plane.shape[1]
+    kernels().pair_planes(
+        source.c, rows, cols, address('plane', plane, np.complex64), 2 * plane.shape[1]
     )
 
 
@@ -310,30 +239,9 @@ def sum_complex_products(pairs: Sequence[tuple[Grey, Grey]], out: Grey) -> None:
     for array in (array for pair in pairs for array in pair):
         require_shape('factor', array.shape, out.shape)
     left, right = (
-        (_ADDRESS * len(pairs))(*(_address('factor', array, np.complex64) for array in arrays))
+        (ADDRESS * len(pairs))(*(address('factor', array, np.complex64) for array in arrays))
         for arrays in zip(*pairs, strict=True)
     )
-    _kernels().sum_complex_products(
-        left, right, len(pairs), out.size, _address('out', out, np.complex64)
+    kernels().sum_complex_products(
+        left, right, len(pairs), out.size, address('out', out, np.complex64)
     )
-
-
-def _kernels() -> ctypes.CDLL:
-    """Return the library, which is `AVAILABLE`."""
-    if _LIBRARY is None:
-        raise RuntimeError('the compiled loops are not available; ask AVAILABLE first')
-    return _LIBRARY
-
-
-def _address(name: str, array: Grey, kind: type) -> int:
-    """Return the address of an array without gaps."""
-    require_contiguous(name, array, kind)
-    if array.flags.writeable:  # a third of the time
-        return ctypes.addressof(_Nothing.from_buffer(array.data))
-    return array.ctypes.data
-
-
-def _row_address(name: str, array: Grey, kind: type, axes: int) -> int:
-    """Return the address of an array whose rows have no gaps."""
-    require_rows(name, array, kind, axes)
-    return array.ctypes.data

@@ -10,7 +10,8 @@ from functools import cache
 import numpy as np
 
 from gip_localizer.core.arrays import Floats, Grey
-from gip_localizer.core.kernels.library import PlaneArray, TurnedComparison
+from gip_localizer.core.kernels.binding import PlaneArray
+from gip_localizer.core.kernels.library import TurnedComparison
 from gip_localizer.core.match.correlation import Term
 from gip_localizer.core.match.template_rotation import is_little, Templates
 

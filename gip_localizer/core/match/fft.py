@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.kernels.library import AVAILABLE, pair_planes, sum_complex_products
+from gip_localizer.core.kernels.binding import AVAILABLE
+from gip_localizer.core.kernels.library import pair_planes, sum_complex_products
 
 # Number of sizes of a transform that are compared, and their common factor (design choice: 8 and
 # 4, because a fast size is always among them).

@@ -20,7 +20,7 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.birdseye.rectifier import View
-from gip_localizer.core.kernels.library import AVAILABLE, PlaneArray
+from gip_localizer.core.kernels.binding import AVAILABLE, PlaneArray
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.match.compiled_scores import Comparison
 from gip_localizer.core.match.correlation import correlate

@@ -17,13 +17,8 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye.grid import Grid
-from gip_localizer.core.kernels.library import (
-    AVAILABLE,
-    MARGIN,
-    MOST_SLOPE,
-    PlaneArray,
-    turn_little,
-)
+from gip_localizer.core.kernels.binding import AVAILABLE, PlaneArray
+from gip_localizer.core.kernels.library import MARGIN, MOST_SLOPE, turn_little
 
 
 class Templates:

@@ -94,7 +94,7 @@ def kernels() -> Check:
     if os.environ.get('GIP_COMPILED') == '0':
         return Check('kernels', 'compiled loops are switched off by GIP_COMPILED=0')
     try:
-        from gip_localizer.core.kernels.library import AVAILABLE
+        from gip_localizer.core.kernels.binding import AVAILABLE
     except BROKEN as error:
         return Check('kernels', f'cannot be loaded: {error}', 'see the check of the libraries')
     if AVAILABLE:

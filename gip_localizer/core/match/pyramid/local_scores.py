@@ -17,7 +17,7 @@ from itertools import groupby, product
 import numpy as np
 
 from gip_localizer.core.arrays import Floats
-from gip_localizer.core.kernels.library import AVAILABLE, PlaneArray
+from gip_localizer.core.kernels.binding import AVAILABLE, PlaneArray
 from gip_localizer.core.match.compiled_scores import Comparison
 from gip_localizer.core.match.correlation import correlate
 from gip_localizer.core.match.lattice import Index
