@@ -198,6 +198,27 @@ def test_without_tf_the_parameters_say_so(nodes, map_file, tmp_path, parameter):
     assert 'TF is unavailable' in said
 
 
+def test_every_accepted_command_is_one_line_of_the_log(localizer, tester, render, tmp_path):
+    log = tmp_path / 'localizer.log'
+
+    def logged(*lines):
+        tester.until(lambda: all(line in log.read_text() for line in lines), lines[0])
+
+    localized(tester, frames(render(START)), localizer)
+    logged('calibration taken: 320 x 240 pixels', 'plumb_bob', 'computed in ')
+    before = tester.get('search.x')
+    assert tester.set('search.x', 0.6).successful
+    logged(f'parameter search.x: {before} -> 0.6')
+    assert not tester.set('search.x', -1.0).successful
+    tester.initial.publish(initial_pose(START))
+    logged(f'initial pose taken: x {START.x:.3f} m, y {START.y:.3f} m', 'deviations 0.2 m, 0.2 m')
+    assert tester.trigger('/localizer/relocalize').success
+    logged('search of the whole map requested')
+    assert tester.switch('/localizer/enable', on=False).success
+    logged('~/enable: images are ignored')
+    assert '-> -1' not in log.read_text()
+
+
 def allowed(direction):
     """Names that the policy allows in a direction."""
     root = ElementTree.parse(CONFIG / 'sros2_policy.xml').getroot()

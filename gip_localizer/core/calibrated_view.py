@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import time
+
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye.rectifier import Rectifier
 from gip_localizer.core.birdseye.view_choice import complete_view, fitting_view
@@ -39,6 +41,8 @@ class CalibratedView:
         The view, with its chosen values.
     rectifier, refiner : Rectifier, Refiner
         For this view.
+    seconds : float
+        Time that the computation took.
 
     Raises
     ------
@@ -52,6 +56,7 @@ class CalibratedView:
         self, camera: CameraModel, parameters: Parameters, map_resolution: float,
         map_accuracy: MapAccuracy = EXACT,
     ) -> None:
+        started = time.perf_counter()
         self._inputs = _relevant(camera, parameters, map_resolution, map_accuracy)
         self.birdseye = complete_view(parameters.birdseye, camera, map_resolution)
         _check(parameters, self.birdseye)
@@ -62,6 +67,7 @@ class CalibratedView:
             robust=parameters.score.robust,
             constant_errors=_constant_errors(camera, parameters, map_accuracy),
         )
+        self.seconds = time.perf_counter() - started
 
     def matches(
         self, camera: CameraModel, parameters: Parameters, map_resolution: float,

@@ -102,6 +102,13 @@ class Localizer:
         """What is precomputed for the last camera; None if it cannot be used."""
         return self._prepared
 
+    def view_fits(self, camera: CameraModel) -> bool:
+        """Return whether the view is computed for a camera, the parameters and the map."""
+        raster_map = self.raster_map
+        return self._prepared is not None and self._prepared.matches(
+            camera, self.parameters, raster_map.resolution, raster_map.accuracy
+        )
+
     def prepare(self, camera: CameraModel) -> None:
         """Precompute what a camera needs before its first frame."""
         self._prepare(0, camera)
@@ -202,15 +209,17 @@ class Localizer:
         """Return what is precomputed for a camera, or why its frame cannot be used."""
         try:
             with self._times.stage('calibrate'):
-                prepared = self._prepared
-                shown = self.raster_map.resolution, self.raster_map.accuracy
-                if prepared is None or not prepared.matches(camera, self.parameters, *shown):
-                    prepared = self._prepared = CalibratedView(camera, self.parameters, *shown)
+                if not self.view_fits(camera):
+                    self._prepared = CalibratedView(
+                        camera, self.parameters, self.raster_map.resolution,
+                        self.raster_map.accuracy,
+                    )
                     self.state.forget_calibration()
         except CalibrationError as error:
             self._prepared = None
             return self._without_pose(stamp_ns, Status.NO_ROAD_IN_VIEW, str(error))
-        return prepared
+        assert self._prepared is not None
+        return self._prepared
 
     def _update_track(
         self, stamp_ns: int, match: Match, verdict: Verdict, prior: Belief | None

@@ -131,6 +131,15 @@ def calibration_note(message: Any) -> str:
     return unnamed_lens(str(message.distortion_model), _numbers(message, 'd'))
 
 
+def calibration_text(message: Any) -> str:
+    """Return a CameraInfo in words: size, focal lengths and lens model."""
+    k = _numbers(message, 'k')
+    return (
+        f'{message.width} x {message.height} pixels, focal lengths {k[0]:.1f} and {k[4]:.1f} px, '
+        f'{message.distortion_model or "no distortion model"}'
+    )
+
+
 def _numbers(message: Any, name: str) -> Floats:
     """Return a matrix of a CameraInfo, flat, by its name in lower case."""
     values = getattr(message, name) if hasattr(message, name) else getattr(message, name.upper())

@@ -69,6 +69,7 @@ class LiveParameters(Generic[Tree]):
         check: Callable[[Tree], None] | None = None,
     ) -> None:
         self._on_change, self._fixed, self._check = on_change, fixed, check
+        self._log = node.get_logger().info
         self._names = frozenset(spec.name for spec in kind.specs())
         self._settled = frozenset(spec.name for spec in kind.specs() if spec.read_only)
         specs = kind.specs() if fixed is None else [
@@ -100,7 +101,11 @@ class LiveParameters(Generic[Tree]):
         ours = self._ours(changes)
         if not ours:
             return
+        before = self.value.to_dict()
         self.value = self.value.replace(ours)
+        for name, value in self.value.to_dict().items():
+            if value != before[name]:
+                self._log(f'parameter {name}: {before[name]} -> {value}')
         if self._on_change is not None:
             self._on_change(self.value)
 

@@ -122,6 +122,8 @@ CALIBRATION = DiagnosticGroup('calibration', (
          'that takes as many numbers', withheld=False),
     Rule('VIEW_OUTSIDE_IMAGE', W, 'more than half of the cells of a given birdseye.* lie outside '
          'the image', withheld=False),
+    Rule('VIEW_BUILDING', W, 'the view is computed for a new calibration, map or parameter; poses '
+         'follow when it is done', withheld=False),
     Rule('VIEW_CELLS', W, 'the given birdseye.resolution is below half, or above four times, the '
          'side of a map cell', withheld=False),
     Rule('RECTIFIED_DIFFERS', W, 'the name of the image topic suggests rectified images and '

@@ -14,6 +14,8 @@ from collections.abc import Callable
 import contextlib
 from typing import Any
 
+import numpy as np
+
 from gip_localizer.core.arrays import Grey
 from gip_localizer.core.camera.calibration import Calibration
 from gip_localizer.core.camera.model import CameraModel
@@ -31,6 +33,11 @@ from gip_localizer.session.input_checks import LEAST_REPEATS, odometry_warnings,
 from gip_localizer.session.mask_sync import Masked
 from gip_localizer.session.masks import both, fitting, mask_image, MaskError
 from gip_localizer.session.view_report import ViewReport
+
+
+def _unheard(_line: str) -> None:
+    """Take a line that nobody reads."""
+
 
 UNSTAMPED = (
     'images are not stamped: header.stamp is 0; the camera driver must set it to the time of '
@@ -68,6 +75,8 @@ class Frontend:
         frame_id of its header.
     view : ViewReport
         Description of the view in use.
+    report : callable
+        Takes a line about each accepted calibration and initial pose; the node logs it.
     warnings : dict
         Rule of `gip_localizer.session.diagnostic_rules` → detail, of the last frame.
 
@@ -81,6 +90,7 @@ class Frontend:
         self.image: Grey | None = None
         self.camera_frame = ''
         self.view = ViewReport()
+        self.report: Callable[[str], object] = _unheard
         self._repeats = RepeatedImages()
         self._depth = BitDepth()
         self._calibration: Calibration | None = None
@@ -113,6 +123,16 @@ class Frontend:
             self.localizer = Localizer(raster_map, parameters)
         self._camera = None
 
+    @property
+    def view_outdated(self) -> bool:
+        """Whether the next frame waits until the view is computed for what changed."""
+        if self._camera is not None or self._calibration is None:
+            return False
+        try:
+            return not self.localizer.view_fits(self._calibrated_camera())
+        except CalibrationError:
+            return False
+
     def relocalize(self) -> None:
         """Search the whole map at the next frame."""
         self.localizer.relocalize()
@@ -133,6 +153,7 @@ class Frontend:
         self._lens_warnings = {'LENS_UNNAMED': note} if note else {}
         self._info_raw = raw
         self._camera = None
+        self.report(f'calibration taken: {messages.calibration_text(message)}')
         self.complaints.pop('camera_info', None)
         # Precompute before the first frame; that frame reports any error.
         with contextlib.suppress(CalibrationError):
@@ -172,6 +193,11 @@ class Frontend:
     def _set_prior(self, message: Any) -> None:
         pose, covariance = prior_of(message, self.parameters, self.localizer.raster_map)
         self.localizer.set_prior(messages.stamp_ns(message.header), pose, covariance)
+        sigma = np.sqrt(np.diag(covariance))
+        self.report(
+            f'initial pose taken: x {pose.x:.3f} m, y {pose.y:.3f} m, yaw {pose.yaw:.4f} rad, '
+            f'standard deviations {sigma[0]:.3g} m, {sigma[1]:.3g} m, {sigma[2]:.3g} rad'
+        )
 
     def on_image(self, message: Any, masked: Masked | None = None) -> Estimate:
         """Localize a sensor_msgs/Image; `masked` if `mask.from_topic` is set."""

@@ -24,6 +24,10 @@ class ViewReport:
     ----------
     text : str
         The view in words; empty until it is known.
+    seconds : float
+        Time that the computation of the view took.
+    number : int
+        Number of views since the start.
     warnings : dict
         Rule of `gip_localizer.session.diagnostic_rules` → detail.
 
@@ -31,6 +35,7 @@ class ViewReport:
 
     def __init__(self) -> None:
         self.text = ''
+        self.seconds, self.number = 0.0, 0
         self.warnings: dict[str, str] = {}
         self._reported: CalibratedView | None = None
 
@@ -40,6 +45,7 @@ class ViewReport:
         if prepared is None or prepared is self._reported:
             return
         self._reported = prepared
+        self.seconds, self.number = prepared.seconds, self.number + 1
         given, map_resolution = localizer.parameters.birdseye, localizer.raster_map.resolution
         self.text = view_text(prepared.birdseye, given)
         self.warnings = view_warnings(prepared, given, map_resolution)

@@ -73,13 +73,14 @@ class Localization:
             self._map.raster_map, parameters, node.get_logger().error,
             compressed=parameters.image_transport != 'raw',
         )
+        self._dispatch.frontend.report = node.get_logger().info
         self._parameters = parameters
         self._health = HealthMonitor(
             parameters.diagnostics, self._map.figures(), active=active
         )
         self._dispatch.keep_state(partial(self._health.add_event, 'STATE_REFUSED'))
         self._wire()
-        self._view_text = ''
+        self._view_number = 0
         self._log_start()
 
     def _wire(self) -> None:
@@ -122,11 +123,11 @@ class Localization:
         )
 
     def _log_view(self) -> None:
-        """Log the view once when it is known, and again when it changes."""
+        """Log each view when it is computed."""
         view = self._dispatch.frontend.view
-        if view.text != self._view_text:
-            self._view_text = view.text
-            self._node.get_logger().info(view.text)
+        if view.number != self._view_number:
+            self._view_number = view.number
+            self._node.get_logger().info(f'{view.text}; computed in {view.seconds:.1f} s')
 
     def check(self, parameters: Parameters) -> None:
         """
@@ -194,6 +195,9 @@ class Localization:
             return
         started = time.perf_counter()
         self._inputs.take_waiting_odometry()
+        if self._dispatch.frontend.view_outdated:
+            self._health.set_rule('VIEW_BUILDING', 'since this frame')
+            self._diagnostics.publish()
         searches = self._dispatch.begin(frame)
         self._health.frame_started(search=searches)
         work, finish = partial(self._dispatch.localize, frame), partial(self._finish, started)
@@ -204,6 +208,7 @@ class Localization:
 
     def _finish(self, started: float, estimate: Estimate) -> None:
         elapsed_ms = 1e3 * (time.perf_counter() - started)
+        self._health.set_rule('VIEW_BUILDING', '')
         if self._health.accepts_frames:
             self._publish(estimate, elapsed_ms)
         self._health.frame_finished(estimate, elapsed_ms)
@@ -261,6 +266,7 @@ class Localization:
 
     def _request_search(self, then: Callable[[], None]) -> None:
         def search() -> None:
+            self._node.get_logger().info('search of the whole map requested, for the next frame')
             self._dispatch.relocalize()
             then()
 

@@ -36,6 +36,7 @@ class Services:
         relocalize: Callable[[Callable[[], None]], None],
     ) -> None:
         self._health, self._publish, self._relocalize = health, publish, relocalize
+        self._log = node.get_logger().info
         node.create_service(SetBool, '~/enable', self._on_enable)
         node.create_service(Trigger, '~/relocalize', self._on_relocalize)
         self._searches = SearchService(node, self._search_refusal, relocalize)
@@ -68,6 +69,7 @@ class Services:
 
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._health.enabled = bool(request.data)
+        self._log(f'~/enable: images are {"localized" if request.data else "ignored"}')
         self._publish()
         response.success = True
         response.message = 'enabled' if request.data else 'disabled'
