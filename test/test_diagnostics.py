@@ -13,7 +13,8 @@ from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.protection import PROTECTION
 from gip_localizer.parameters.integration import Diagnostics
-from gip_localizer.session.diagnostic_rules import DIAGNOSTIC_GROUPS, rule_of, Severity
+from gip_localizer.session.diagnostic_rules import DIAGNOSTIC_GROUPS, rule_of
+from gip_localizer.session.diagnostic_types import Severity
 from gip_localizer.session.diagnostics import HealthMonitor
 from gip_localizer.session.frame_timing import TIMED_FRAMES
 

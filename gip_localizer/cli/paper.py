@@ -104,8 +104,10 @@ def _run_full(
     """Run the experiments on images and write their results; return the rows to print."""
     from gip_localizer.paper import (
         baseline_comparison,
+        baseline_results,
         full_figures,
         image_experiment,
+        image_results,
         summary,
     )
     from gip_localizer.paper.output import write_table
@@ -114,12 +116,12 @@ def _run_full(
     bar = _bar('the paper on images', 'place')
     measured = image_experiment.run_pipeline(camera, seed, bar, trials=trials)
     write_table(
-        folder / 'pipeline.csv', image_experiment.COLUMNS, image_experiment.table_rows(measured)
+        folder / 'pipeline.csv', image_results.COLUMNS, image_results.table_rows(measured)
     )
     bar = _bar('beyond the paper', 'place')
     found = baseline_comparison.run_beyond(camera, seed, bar, trials=max(trials // 20, 1))
     write_table(
-        folder / 'beyond.csv', baseline_comparison.COLUMNS, baseline_comparison.table_rows(found)
+        folder / 'beyond.csv', baseline_results.COLUMNS, baseline_results.table_rows(found)
     )
     with styled():
         save_figure(full_figures.pipeline_figure(measured), folder, 'pipeline')

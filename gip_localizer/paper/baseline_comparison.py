@@ -11,19 +11,19 @@ third also the exposure. An estimate within half a tile of the truth is a succes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
 from gip_localizer.core.birdseye.rectifier import Rectifier, View
 from gip_localizer.core.gramian import gramian
 from gip_localizer.core.match.score_surface import Lattice, make_lattice, match
 from gip_localizer.core.pose import Pose2
+from gip_localizer.paper.baseline_results import BeyondPoint
 from gip_localizer.paper.baselines import (
     BaselineInput,
     ecc,
@@ -95,28 +95,6 @@ BASELINES: dict[str, tuple[Callable[[BaselineInput], Pose2 | None], float]] = {
 METHODS = (*NORMS, *BASELINES)
 
 
-@dataclass(frozen=True)
-class BeyondPoint:
-    """Successes of one method at one task and amplitude."""
-
-    task: str
-    amplitude: float
-    method: str
-    trials: int
-    successes: int
-
-    @property
-    def rate(self) -> float:
-        """Fraction of frames within half a tile of the truth."""
-        return self.successes / self.trials
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Wilson's 95 % interval of the success rate."""
-        interval = binomtest(self.successes, self.trials).proportion_ci(0.95, method='wilson')
-        return float(interval.low), float(interval.high)
-
-
 def run_beyond(
     camera: PaperCamera, seed: int, progress: Progress = iter, *,
     amplitudes: tuple[float, ...] = AMPLITUDES, trials: int,
@@ -150,7 +128,10 @@ def run_beyond(
         for amplitude in amplitudes:
             for method, success in bench.judge(place, amplitude).items():
                 wins[task.name, amplitude, method] += success
-    return [BeyondPoint(*key, trials, count) for key, count in wins.items()]
+    return [
+        BeyondPoint(task=task, amplitude=a, method=method, trials=trials, successes=count)
+        for (task, a, method), count in wins.items()
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,17 +226,3 @@ def _weights(view: View, noise: float) -> dict[str, Floats32]:
         'equal': equal,
         'decay': (equal * np.exp(-DECAY * distance_sq)).astype(np.float32),
     }
-
-
-def table_rows(points: Iterable[BeyondPoint]) -> Iterator[tuple[object, ...]]:
-    """Yield the rows of `beyond.csv` (columns: `COLUMNS`)."""
-    for point in points:
-        yield (
-            point.task, point.amplitude, point.method, point.trials, point.successes, point.rate,
-            *point.interval,
-        )
-
-
-COLUMNS = (
-    'task', 'amplitude', 'method', 'trials', 'successes', 'success_rate', 'low_95', 'high_95',
-)

@@ -11,8 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 import numpy as np
 
-from gip_localizer.paper.baseline_comparison import BeyondPoint, METHODS, TASKS
-from gip_localizer.paper.image_experiment import FORMULAS, PipelinePoint, RECTIFIERS
+from gip_localizer.paper.baseline_comparison import METHODS, TASKS
+from gip_localizer.paper.baseline_results import BeyondPoint
+from gip_localizer.paper.image_experiment import FORMULAS, RECTIFIERS
+from gip_localizer.paper.image_results import PipelinePoint
 from gip_localizer.paper.style import COLORS, LINES
 
 # Colours by Okabe and Ito, distinguishable for colour-blind readers; the paper's norm is black.

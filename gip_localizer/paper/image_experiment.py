@@ -15,14 +15,13 @@ of the mean over its footprint.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye.rectifier import Rectifier, View
@@ -30,6 +29,7 @@ from gip_localizer.core.gramian import gramian
 from gip_localizer.core.match.score_surface import Lattice, match
 from gip_localizer.core.pose import Pose2
 from gip_localizer.paper.geometry import PaperCamera
+from gip_localizer.paper.image_results import PipelinePoint
 from gip_localizer.paper.pixel_camera import (
     aligned_pose,
     paper_squares,
@@ -52,51 +52,6 @@ RECTIFIERS = ('footprint mean', 'point sample')
 FORMULAS = {'generalized': error_generalized, 'standard': error_standard}
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 Floats32 = NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class PipelinePoint:
-    """
-    One measured error rate.
-
-    Attributes
-    ----------
-    amplitude : float
-        The paper's a.
-    inner_product : str
-        generalized or standard.
-    rectifier : str
-        One of `RECTIFIERS`.
-    trials, errors : int
-        Number of frames, and of those in which û scores better.
-    theory : float
-        Mean P(error) over the pairs of the trials, which assumes footprint means.
-
-    """
-
-    amplitude: float
-    inner_product: str
-    rectifier: str
-    trials: int
-    errors: int
-    theory: float
-
-    @property
-    def rate(self) -> float:
-        """Measured probability of error."""
-        return self.errors / self.trials
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Exact (Clopper-Pearson) 95 % interval of the probability of error."""
-        interval = binomtest(self.errors, self.trials).proportion_ci(0.95, method='exact')
-        return float(interval.low), float(interval.high)
-
-    @property
-    def agrees(self) -> bool:
-        """True if the theory lies in the interval."""
-        low, high = self.interval
-        return low <= self.theory <= high
 
 
 def run_pipeline(
@@ -136,7 +91,10 @@ def run_pipeline(
             for name, probability in bench.theory(place, amplitude).items():
                 theory[amplitude, name] += probability / trials
     return [
-        PipelinePoint(a, name, how, trials, count, theory[a, name])
+        PipelinePoint(
+            amplitude=a, inner_product=name, rectifier=how, trials=trials, errors=count,
+            theory=theory[a, name],
+        )
         for (a, name, how), count in errors.items()
     ]
 
@@ -235,18 +193,3 @@ def point_sampler(rectifier: Rectifier) -> Callable[[Floats32], View]:
         return View(patch, rectifier.footprint, rectifier.valid, grid)
 
     return sample
-
-
-def table_rows(points: Iterable[PipelinePoint]) -> Iterator[tuple[object, ...]]:
-    """Yield the rows of `pipeline.csv` (columns: `COLUMNS`)."""
-    for point in points:
-        yield (
-            point.amplitude, point.inner_product, point.rectifier, point.trials, point.errors,
-            point.rate, *point.interval, point.theory, int(point.agrees),
-        )
-
-
-COLUMNS = (
-    'amplitude', 'inner_product', 'rectifier', 'trials', 'errors', 'rate', 'low_95', 'high_95',
-    'theory', 'theory_inside',
-)

@@ -9,9 +9,11 @@ import math
 
 import numpy as np
 
-from gip_localizer.paper.baseline_comparison import BeyondPoint, METHODS, TASKS
+from gip_localizer.paper.baseline_comparison import METHODS, TASKS
+from gip_localizer.paper.baseline_results import BeyondPoint
 from gip_localizer.paper.curves import Curves, GAIN_AT, NAMES
-from gip_localizer.paper.image_experiment import PipelinePoint, RECTIFIERS
+from gip_localizer.paper.image_experiment import RECTIFIERS
+from gip_localizer.paper.image_results import PipelinePoint
 
 Row = tuple[str, str, str]
 SHOWN = (0, 9, 49, 99)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gip_localizer.session.diagnostic_rules import DiagnosticGroup, Rule, Severity
+from gip_localizer.session.diagnostic_types import DiagnosticGroup, Rule, Severity
 
 
 @dataclass(frozen=True)

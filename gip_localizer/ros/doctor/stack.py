@@ -16,7 +16,8 @@ from gip_localizer.parameters import Birdseye
 from gip_localizer.ros.doctor.check import Check
 from gip_localizer.ros.doctor.observed import Observed
 from gip_localizer.ros.doctor.stack_inputs import camera_info, image, odometry, view_in_use
-from gip_localizer.session.diagnostic_rules import MAP, Severity
+from gip_localizer.session.diagnostic_rules import MAP
+from gip_localizer.session.diagnostic_types import Severity
 
 ACTIVE = 'active'
 GRID = 21

@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Header
 
 from gip_localizer.session.diagnostic_report import Report
-from gip_localizer.session.diagnostic_rules import Severity
+from gip_localizer.session.diagnostic_types import Severity
 from gip_localizer.session.diagnostics import HealthMonitor
 
 CHANGES = 0.2
