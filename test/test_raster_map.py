@@ -12,6 +12,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import map_coordinates
 
+from gip_localizer.core.map.cell_range import CellRange
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.map.resampling import doubled
 from gip_localizer.core.map.versions import doubled_map, smoothed_map
@@ -207,9 +208,9 @@ def test_a_map_finer_than_the_view_is_smoothed_once(cells, done, kind):
     grey = np.zeros((81, 81), kind)
     grey[40, 40] = white
     noise = np.full((81, 81), 0.2, np.float32)
-    box = (0, 81, 0, 81)
+    whole = CellRange(row=0, row_end=81, col=0, col_end=81)
     first, *others = cells
-    raster_map = RasterMap(grey, 0.05, noise=noise).cut(box, first)
+    raster_map = RasterMap(grey, 0.05, noise=noise).cut(whole, first)
     for cell in others:
         raster_map = smoothed_map(raster_map, cell, first)
     values = raster_map.grey.astype(float)

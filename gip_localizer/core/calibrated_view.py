@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 import time
 
 from gip_localizer.core.arrays import Floats
@@ -61,13 +62,18 @@ class CalibratedView:
         self.birdseye = complete_view(parameters.birdseye, camera, map_resolution)
         _check(parameters, self.birdseye)
         self.rectifier = _rectifier(camera, self.birdseye, map_resolution)
-        self.refiner = Refiner(
-            self.rectifier, parameters.camera_motion,
+        self._make_refiner = partial(
+            Refiner, self.rectifier, parameters.camera_motion,
             normalized=parameters.score.normalized,
             robust=parameters.score.robust,
             constant_errors=_constant_errors(camera, parameters, map_accuracy),
         )
+        self.refiner = self._make_refiner()
         self.seconds = time.perf_counter() - started
+
+    def renew_refiner(self) -> None:
+        """Compute the refiner again, after a constant of refinement was changed."""
+        self.refiner = self._make_refiner()
 
     def matches(
         self, camera: CameraModel, parameters: Parameters, map_resolution: float,

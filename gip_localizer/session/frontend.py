@@ -17,21 +17,21 @@ from typing import Any
 import numpy as np
 
 from gip_localizer.core.arrays import Grey
-from gip_localizer.core.camera.calibration import Calibration
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.errors import CalibrationError, GipError, ImageError
 from gip_localizer.io import messages
-from gip_localizer.io.bit_depth import BitDepth
 from gip_localizer.io.images import compressed_grey_image, grey_image
-from gip_localizer.io.map_files import load_mask
 from gip_localizer.parameters import Parameters
+from gip_localizer.session.camera_input import CameraInput
+from gip_localizer.session.image_input import ImageInput
 from gip_localizer.session.initial_pose import prior_of
 from gip_localizer.session.input_checks import LEAST_REPEATS, odometry_warnings, RepeatedImages
 from gip_localizer.session.mask_sync import Masked
-from gip_localizer.session.masks import both, fitting, mask_image, MaskError
+from gip_localizer.session.masks import MaskError
+from gip_localizer.session.message_log import MessageLog
 from gip_localizer.session.view_report import ViewReport
 
 
@@ -65,10 +65,6 @@ class Frontend:
     ----------
     localizer : Localizer
         The core.
-    complaints : dict
-        Topic (camera_info, odom, initialpose) → fault of its last message.
-    counts : dict
-        Number of messages per topic, and of refused ones (`<topic>_refused`).
     image : (height, width) array or None
         The last image; None if it could not be decoded.
     camera_frame : str
@@ -84,20 +80,29 @@ class Frontend:
 
     def __init__(self, raster_map: RasterMap, parameters: Parameters) -> None:
         self.localizer = Localizer(raster_map, parameters)
-        self.complaints: dict[str, str] = {}
-        self.counts: dict[str, int] = {}
         self.warnings: dict[str, str] = {}
         self.image: Grey | None = None
         self.camera_frame = ''
         self.view = ViewReport()
         self.report: Callable[[str], object] = _unheard
         self._repeats = RepeatedImages()
-        self._depth = BitDepth()
-        self._calibration: Calibration | None = None
-        self._lens_warnings: dict[str, str] = {}
-        self._info_raw: tuple[object, ...] | None = None
-        self._camera: CameraModel | None = None
-        self._mask = load_mask(parameters.mask_file) if parameters.mask_file else None
+        self._log = MessageLog()
+        self._camera = CameraInput()
+        self._images = ImageInput(parameters.mask_file, self._log)
+
+    @property
+    def complaints(self) -> dict[str, str]:
+        """Topic (camera_info, odom, initialpose) → fault of its last message."""
+        return self._log.complaints
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of messages per topic, and of refused ones (`<topic>_refused`)."""
+        return self._log.counts
+
+    def refuse(self, topic: str, reason: str) -> None:
+        """Count a message as refused, and keep the reason."""
+        self._log.refuse(topic, reason)
 
     @property
     def parameters(self) -> Parameters:
@@ -107,12 +112,12 @@ class Frontend:
     @property
     def camera(self) -> CameraModel | None:
         """The camera of the last frame; None before the first or if it cannot be used."""
-        return self._camera
+        return self._camera.camera
 
     def configure(self, parameters: Parameters) -> None:
         """Use new parameters from the next frame on."""
         self.localizer.configure(parameters)
-        self._camera = None
+        self._camera.renew()
 
     def change_map(self, raster_map: RasterMap, parameters: Parameters) -> None:
         """Localize on another map; the tracking state is kept if `map_keeps_pose` is set."""
@@ -121,12 +126,12 @@ class Frontend:
             self.localizer.configure(parameters)
         else:
             self.localizer = Localizer(raster_map, parameters)
-        self._camera = None
+        self._camera.renew()
 
     @property
     def view_outdated(self) -> bool:
         """Whether the next frame waits until the view is computed for what changed."""
-        if self._camera is not None or self._calibration is None:
+        if self._camera.camera is not None or self._camera.calibration is None:
             return False
         try:
             return not self.localizer.view_fits(self._calibrated_camera())
@@ -139,30 +144,22 @@ class Frontend:
 
     def on_camera_info(self, message: Any) -> None:
         """Use a sensor_msgs/CameraInfo; if it is unusable, the previous one is kept."""
-        self._count('camera_info')
-        raw = messages.fingerprint(message)
-        if raw == self._info_raw:
-            self.complaints.pop('camera_info', None)
-            return
+        self._log.count('camera_info')
         try:
-            self._calibration = messages.calibration(message)
+            changed = self._camera.take(message)
         except (CalibrationError, ValueError) as error:
             self.refuse('camera_info', str(error))
             return
-        note = messages.calibration_note(message)
-        self._lens_warnings = {'LENS_UNNAMED': note} if note else {}
-        self._info_raw = raw
-        self._camera = None
-        self.report(f'calibration taken: {messages.calibration_text(message)}')
-        self.complaints.pop('camera_info', None)
-        # Precompute before the first frame; that frame reports any error.
-        with contextlib.suppress(CalibrationError):
-            self.localizer.prepare(self._calibrated_camera())
-            self.view.update(self.localizer)
+        self._log.accept('camera_info')
+        if changed:
+            # Precompute before the first frame; that frame reports any error.
+            with contextlib.suppress(CalibrationError):
+                self.localizer.prepare(self._calibrated_camera())
+                self.view.update(self.localizer)
 
     def on_odometry(self, message: Any) -> None:
         """Use a nav_msgs/Odometry."""
-        self._count('odom')
+        self._log.count('odom')
         try:
             sample = messages.odometry(message)
         except GipError as error:
@@ -176,19 +173,19 @@ class Frontend:
             self.refuse('odom', wrong)
             return
         if self.localizer.add_odometry(sample):
-            self.complaints.pop('odom', None)
+            self._log.accept('odom')
         else:
             self.refuse('odom', self.localizer.state.pose_filter.odometry.refusal)
 
     def on_initial_pose(self, message: Any) -> None:
         """Use a geometry_msgs/PoseWithCovarianceStamped as the prior."""
-        self._count('initialpose')
+        self._log.count('initialpose')
         try:
             self._set_prior(message)
         except GipError as error:
             self.refuse('initialpose', f'{error}; the previous belief is kept')
         else:
-            self.complaints.pop('initialpose', None)
+            self._log.accept('initialpose')
 
     def _set_prior(self, message: Any) -> None:
         pose, covariance = prior_of(message, self.parameters, self.localizer.raster_map)
@@ -210,28 +207,31 @@ class Frontend:
     def _on_frame(
         self, message: Any, decode: Callable[[Any], Grey], masked: Masked | None
     ) -> Estimate:
-        self._count('image')
-        self.warnings, self.image = dict(self._lens_warnings), None
+        self._log.count('image')
+        self.warnings, self.image = dict(self._camera.warnings), None
         self.camera_frame = str(message.header.frame_id)
         stamp = messages.stamp_ns(message.header)
         if stamp == 0:
-            self._count_refused('image')
+            self._log.count_refused('image')
             return Estimate(stamp, Status.BAD_IMAGE, UNSTAMPED)
-        if self._calibration is None:
+        if self._camera.calibration is None:
             wrong = self.complaints.get('camera_info', 'no camera_info received yet')
             return Estimate(stamp, Status.NO_CALIBRATION, wrong)
         try:
-            self.image = image = self._at_full_scale(decode(message))
+            self.image = image = self._images.image(message, decode)
             camera = self._calibrated_camera().for_image(image)
-            mask = both(fitting(self._mask, image), self._mask_of(masked, image))
+            required = self.parameters.mask.required
+            mask = self._images.mask(masked, image, required=required)
         except MaskError as error:
             return Estimate(stamp, Status.NO_MASK, str(error))
         except ImageError as error:
-            self._count_refused('image')
+            self._log.count_refused('image')
             return Estimate(stamp, Status.BAD_IMAGE, str(error))
         except CalibrationError as error:
-            self._count_refused('image')
+            self._log.count_refused('image')
             return Estimate(stamp, Status.NO_CALIBRATION, str(error))
+        finally:
+            self.warnings |= self._images.warnings
         pose_filter = self.localizer.state.pose_filter
         self.warnings |= odometry_warnings(stamp, pose_filter)
         if frozen := self._repeats.frozen(stamp, image, pose_filter):
@@ -243,42 +243,6 @@ class Frontend:
         self.warnings |= self.view.warnings
         return estimate
 
-    def _at_full_scale(self, image: Grey) -> Grey:
-        scaled = self._depth.scaled(image)
-        if note := self._depth.note(image):
-            self.warnings['FEW_BITS'] = note
-        return scaled
-
-    def _mask_of(self, masked: Masked | None, image: Grey) -> Grey | None:
-        """Return the mask of an image; None if there is none and none is required."""
-        if masked is None:
-            return None
-        try:
-            if masked.mask is None:
-                raise MaskError(masked.missing)
-            self._count('mask')
-            return mask_image(masked.mask, (image.shape[0], image.shape[1]))
-        except MaskError as error:
-            rule = 'MASK_MISSING' if masked.mask is None else 'MASK_REFUSED'
-            self.warnings[rule] = str(error)
-            self._count_refused('mask')
-            if self.parameters.mask.required:
-                raise
-            return None
-
     def _calibrated_camera(self) -> CameraModel:
-        if self._camera is None:
-            assert self._calibration is not None
-            self._camera = CameraModel.given(self._calibration, self.parameters.camera)
-        return self._camera
-
-    def _count(self, topic: str) -> None:
-        self.counts[topic] = self.counts.get(topic, 0) + 1
-
-    def _count_refused(self, topic: str) -> None:
-        self._count(f'{topic}_refused')
-
-    def refuse(self, group: str, reason: str) -> None:
-        """Count a message of a group as refused, and keep the reason."""
-        self._count_refused(group)
-        self.complaints[group] = reason
+        assert self._camera.calibration is not None
+        return self._camera.model(self._camera.calibration, self.parameters.camera)

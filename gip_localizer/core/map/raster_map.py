@@ -22,6 +22,7 @@ import numpy as np
 from gip_localizer.core.arrays import Bools, Floats, Grey, WHITE
 from gip_localizer.core.map.accuracy import EXACT, MapAccuracy
 from gip_localizer.core.map.bilinear import corners, Samples
+from gip_localizer.core.map.cell_range import averaged_per_side, CellRange, range_around
 from gip_localizer.core.map.map_check import check_map
 from gip_localizer.core.map.resampling import (
     averaged_noise,
@@ -31,9 +32,6 @@ from gip_localizer.core.map.resampling import (
     smoothed,
 )
 from gip_localizer.core.pose import Pose2
-
-Box = tuple[int, int, int, int]
-"""First row and the row after the last, first column and the column after the last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,10 +148,12 @@ class RasterMap:
             None if no point is on the map.
 
         """
-        box = self.box(xy_map, margin=margin, cell=cell)
-        return None if box is None else self.cut(box, cell)
+        cells = self.cell_range(xy_map, margin=margin, cell=cell)
+        return None if cells is None else self.cut(cells, cell)
 
-    def box(self, xy_map: Floats, *, margin: float, cell: float, snap: float = 0.0) -> Box | None:
+    def cell_range(
+        self, xy_map: Floats, *, margin: float, cell: float, snap: float = 0.0
+    ) -> CellRange | None:
         """
         Return rows and columns of the part around some points.
 
@@ -162,40 +162,25 @@ class RasterMap:
         xy_map, margin, cell
             As for `crop`.
         snap : float
-            Step (m): boxes start at multiples of it and have whole multiples as lengths, so that
-            neighbouring places share a box. 0: the smallest box.
+            Step (m): ranges start at multiples of it and have whole multiples as lengths, so that
+            neighbouring places share a range. 0: the smallest range.
 
         """
-        rc = self.to_cell(xy_map)
-        pad = margin / self.resolution + 3.0 * max(cell / self.resolution, 1.0)
-        low = np.floor(rc.min(axis=0) - pad).astype(int)
-        high = np.ceil(rc.max(axis=0) + pad).astype(int) + 1
-        step = self._averaged_per_side(cell)
-        if snap:
-            grain = max(round(snap / self.resolution / step), 1) * step
-            length = (-((low - high) // grain) + 1) * grain
-            low = low // grain * grain
-            high = low + length
-        shape = np.array(self.grey.shape)
-        low, high = np.clip(low, 0, shape), np.clip(high, 0, shape)
-        high -= (high - low) % step
-        if np.any(high - low < max(step, 2)):
-            return None
-        return int(low[0]), int(high[0]), int(low[1]), int(high[1])
+        return range_around(
+            self.to_cell(xy_map), self.grey.shape, pad=margin / self.resolution,
+            cell=cell / self.resolution, snap=snap / self.resolution,
+        )
 
-    def _averaged_per_side(self, cell: float) -> int:
-        return max(int(cell / self.resolution / 2.0 + 1e-9), 1)
-
-    def cut(self, box: Box, cell: float) -> RasterMap:
-        """Return the part in a box (`box`), as `crop` does."""
-        low, high, step = (box[0], box[2]), (box[1], box[3]), self._averaged_per_side(cell)
-        part = (slice(low[0], high[0]), slice(low[1], high[1]))
+    def cut(self, cells: CellRange, cell: float) -> RasterMap:
+        """Return the part in a range of cells (`cell_range`), as `crop` does."""
+        step = averaged_per_side(cell / self.resolution)
+        part = (slice(cells.row, cells.row_end), slice(cells.col, cells.col_end))
         values = scaled(self.grey[part])
         valid = None if self.valid is None else np.asarray(self.valid[part])
         if valid is not None and valid.all():
             valid = None
         resolution = self.resolution * step
-        corner = self.to_map(np.array([high[0] - 0.5, low[1] - 0.5]))
+        corner = self.to_map(np.array([cells.row_end - 0.5, cells.col - 0.5]))
         noise = None
         if self.noise is not None:
             noise = averaged_noise(self.noise[part], step, cell / resolution)

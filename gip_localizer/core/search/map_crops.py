@@ -3,8 +3,8 @@
 """
 Parts of the map around the vehicle, which are kept for later frames.
 
-Boxes are snapped to a coarse grid, so that the part depends only on the place and not on the way
-to it, and so that a vehicle needs a new part only every few frames.
+Ranges of cells are snapped to a coarse grid, so that the part depends only on the place and not
+on the way to it, and so that a vehicle needs a new part only every few frames.
 
 """
 
@@ -17,13 +17,14 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.birdseye.grid import Grid
+from gip_localizer.core.map.cell_range import CellRange
 from gip_localizer.core.map.crop import Crop
-from gip_localizer.core.map.raster_map import Box, RasterMap
+from gip_localizer.core.map.raster_map import RasterMap
 from gip_localizer.core.pose import Pose2
 from gip_localizer.core.search.whole_map import average_map, WholeMap
 from gip_localizer.core.search.window import SearchWindow
 
-# Step (m) of the grid to which boxes are snapped (design choice: 1.6 m, because a vehicle then
+# Step (m) of the grid to which ranges are snapped (design choice: 1.6 m, because a vehicle then
 # needs a new part only every few frames).
 SNAP = 1.6
 # Number of parts that are kept (design choice: 4, for the cell sizes of one place and the last
@@ -47,7 +48,7 @@ class MapCrops:
 
     def __init__(self, raster_map: RasterMap) -> None:
         self.raster_map = raster_map
-        self._kept: OrderedDict[tuple[Box, float], Crop] = OrderedDict()
+        self._kept: OrderedDict[tuple[CellRange, float], Crop] = OrderedDict()
         self._whole: tuple[tuple[float, bool], WholeMap] | None = None
 
     def whole(self, cell: float, *, patterned: bool) -> WholeMap:
@@ -79,15 +80,15 @@ class MapCrops:
             None if the window is outside the map.
 
         """
-        box = self.raster_map.box(
+        cells = self.raster_map.cell_range(
             _touched(grid, pose, extent), margin=float(np.hypot(extent.x, extent.y)) + MARGIN,
             cell=cell, snap=SNAP,
         )
-        if box is None:
+        if cells is None:
             return None
-        key = (box, cell)
+        key = (cells, cell)
         if key not in self._kept:
-            self._kept[key] = Crop(self.raster_map.cut(box, cell), cell)
+            self._kept[key] = Crop(self.raster_map.cut(cells, cell), cell)
             self.raster_map.release()  # the system maps more of a file than is used
             if len(self._kept) > KEPT:
                 self._kept.popitem(last=False)

@@ -176,6 +176,13 @@ class Bench:
         """Localize the next frame with a new localizer."""
         self._localizer = None
 
+    def renew(self) -> None:
+        """Start again with changed constants of search and refinement; keep the rectifier."""
+        if self._localizer is not None and self._localizer.prepared is not None:
+            self._localizer.change_map(self.raster_map)  # the parts of the map are cut again
+            self._localizer.prepared.renew_refiner()
+            self._localizer.state.forget_calibration()
+
     def localize(self, image: Grey, prior: Pose2, covariance: Floats) -> Estimate:
         """Localize one frame from a new prior, independent of earlier frames."""
         if self._localizer is None:
