@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from gip_localizer.core import track_verdicts
 from gip_localizer.core.arrays import Floats, Grey
 from gip_localizer.core.belief import Belief, checked_prior
 from gip_localizer.core.birdseye.rectifier import View
@@ -30,11 +31,6 @@ from gip_localizer.core.search.map_crops import MapCrops
 from gip_localizer.core.stage_times import StageTimes
 from gip_localizer.core.track.odometry import OdometrySample
 from gip_localizer.core.track.track_state import TrackState
-from gip_localizer.core.track_verdicts import (
-    verdict_of_fix,
-    verdict_of_miss,
-    verdict_without_search,
-)
 from gip_localizer.errors import CalibrationError
 from gip_localizer.parameters import Parameters
 
@@ -154,16 +150,14 @@ class Localizer:
             return prepared
         prior = self.state.predict(stamp_ns)
         if prior is None and not self.state.search_due(stamp_ns):
-            period = self.parameters.recovery.period
-            waiting = verdict_without_search(self.state, recovery_period=period)
+            waiting = track_verdicts.without_search(self.state, self.parameters.recovery)
             return self._without_pose(stamp_ns, waiting.status, waiting.reason)
 
         with self._times.stage('birdseye'):  # 1 mean per cell
             view = prepared.rectifier.rectify(image)
 
         with self._times.stage('gramian'):  # 2 weight per cell
-            noise = self._noise(view, image)
-            match = Match(view, self._weight(view, noise, prepared, mask))
+            match, noise = self._weighed(view, image, prepared, mask)
 
         with self._times.stage('match'):  # 3 score per candidate, best modes refined, judged
             search = self._judged_search(match, noise, prepared)
@@ -183,18 +177,18 @@ class Localizer:
             return self._without_pose(stamp_ns, Status.OUT_OF_ORDER, fault)
         return self._prepare(stamp_ns, camera)
 
-    def _noise(self, view: View, image: Grey) -> NoiseLevels:
-        return noise_levels(
-            view, image, self.parameters.score, gain=self.state.gain,
-            map_contrast=self.raster_map.contrast,
+    def _weighed(
+        self, view: View, image: Grey, prepared: CalibratedView, mask: Grey | None
+    ) -> tuple[Match, NoiseLevels]:
+        """Return the view with the weight (rows, cols) of each cell, and the frame's noise."""
+        score = self.parameters.score
+        noise = noise_levels(
+            view, image, score, gain=self.state.gain, map_contrast=self.raster_map.contrast
         )
-
-    def _weight(
-        self, view: View, noise: NoiseLevels, prepared: CalibratedView, mask: Grey | None
-    ) -> Floats:
-        """Return the weight (rows, cols) of each cell of the view; 0 where it is masked."""
-        weight = cell_weights(view, noise, self.parameters.score)
-        return weight if mask is None else weight * prepared.rectifier.unmasked(mask)
+        weight = cell_weights(view, noise, score)
+        if mask is not None:
+            weight = weight * prepared.rectifier.unmasked(mask)
+        return Match(view, weight), noise
 
     def _judged_search(
         self, match: Match, noise: NoiseLevels, prepared: CalibratedView
@@ -227,12 +221,12 @@ class Localizer:
         fit = verdict.fit
         if verdict.status is not Status.TRACKING or fit is None:
             self.state.miss(prior)
-            return self._estimate(stamp_ns, verdict_of_miss(self.state, verdict), match)
+            return self._estimate(stamp_ns, track_verdicts.of_miss(self.state, verdict), match)
         measured = Belief(stamp_ns, fit.pose, fit.covariance_in_map, shared=fit.shared_in_map)
         belief = self.state.accept(prior, measured, gain=fit.gain, error_level=fit.shared.level)
-        verdict = verdict_of_fix(self.state, verdict)
-        published = belief if verdict.status is Status.TRACKING else None
-        return self._estimate(stamp_ns, verdict, match, published)
+        verdict = track_verdicts.of_fix(self.state, verdict)
+        confirmed = verdict.status is Status.TRACKING
+        return self._estimate(stamp_ns, verdict, match, belief if confirmed else None)
 
     def _without_pose(self, stamp_ns: int, status: Status, reason: str) -> Estimate:
         return Estimate(stamp_ns, status, reason, timings_ms=dict(self._times.milliseconds))

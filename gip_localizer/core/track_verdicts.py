@@ -9,21 +9,22 @@ from dataclasses import replace
 from gip_localizer.core.estimate import Status
 from gip_localizer.core.integrity import Verdict
 from gip_localizer.core.track.track_state import TrackState
+from gip_localizer.parameters import Recovery
 
 
-def verdict_without_search(state: TrackState, *, recovery_period: float) -> Verdict:
-    """Return why a frame without a prior is not searched; `recovery_period` in seconds."""
+def without_search(state: TrackState, recovery: Recovery) -> Verdict:
+    """Return why no place is searched for a frame without a prior."""
     if state.search_requested:
         return Verdict(Status.LOST, (
             'not found on the map; the next search is due recovery.period '
-            f'{recovery_period:g} s after the last one'
+            f'{recovery.period:g} s after the last one'
         ))
     return Verdict(Status.NO_PRIOR, (
         'no prior yet: publish initialpose, set initial_pose.*, or call ~/relocalize'
     ))
 
 
-def verdict_of_miss(state: TrackState, verdict: Verdict) -> Verdict:
+def of_miss(state: TrackState, verdict: Verdict) -> Verdict:
     """Return the verdict of a frame without a fix, or LOST after too many of them."""
     if not state.lost:
         return verdict
@@ -32,7 +33,7 @@ def verdict_of_miss(state: TrackState, verdict: Verdict) -> Verdict:
     ))
 
 
-def verdict_of_fix(state: TrackState, verdict: Verdict) -> Verdict:
+def of_fix(state: TrackState, verdict: Verdict) -> Verdict:
     """Return the verdict of a frame with a fix, or CONFIRMING until enough frames agree."""
     if state.unconfirmed == 0:
         return verdict

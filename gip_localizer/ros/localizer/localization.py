@@ -16,18 +16,16 @@ from functools import partial
 import time
 from typing import Any
 
-from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
-from rclpy.duration import Duration
 from rclpy.node import Node
 
 from gip_localizer.core.estimate import Estimate
 from gip_localizer.core.pose import Pose2
 from gip_localizer.parameters import Parameters
-from gip_localizer.ros.endpoints import namesakes
 from gip_localizer.ros.localizer.diagnostics import DiagnosticsPublisher
 from gip_localizer.ros.localizer.map_in_use import MapInUse, MapService
 from gip_localizer.ros.localizer.publishers import Outputs
 from gip_localizer.ros.localizer.services import Services
+from gip_localizer.ros.localizer.state_reports import StateReports
 from gip_localizer.ros.localizer.subscriptions import Inputs
 from gip_localizer.ros.localizer.transform_output import TransformOutput
 from gip_localizer.ros.localizer.transforms import follow
@@ -38,10 +36,6 @@ from gip_localizer.session.dispatch import Dispatch, IMAGE, MASK, ODOMETRY
 from gip_localizer.session.input_checks import rectified_warning
 from gip_localizer.session.mask_sync import Frame
 
-LOOK = 0.2
-"""Period (s) of the check for missing inputs; chosen: a fifth of the reporting period."""
-LOOKS_PER_REPORT = 5
-"""Number of these checks per report: one report per second."""
 MOUNT_LOG = 60.0
 """Least time (s) between two log lines about a new camera pose from TF; chosen."""
 
@@ -80,7 +74,6 @@ class Localization:
         )
         self._dispatch.keep_state(partial(self._health.add_event, 'STATE_REFUSED'))
         self._wire()
-        self._view_number = 0
         self._log_start()
 
     def _wire(self) -> None:
@@ -106,13 +99,11 @@ class Localization:
         self._services = Services(
             node, self._health, self._diagnostics.publish, self._request_search
         )
+        self._reports = StateReports(
+            node, self._health, self._dispatch, self._diagnostics, self._services.look
+        )
         MapService(node, frames.map, lambda: self._map.raster_map)
         warn_of_unknown_qos(node)
-        self._looks = 0
-        node.create_timer(LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        back = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
-                             on_clock_change=False)
-        self._jumps = node.get_clock().create_jump_callback(back, post_callback=self._on_jump)
 
     def _log_start(self) -> None:
         raster_map = self._map.raster_map
@@ -121,13 +112,6 @@ class Localization:
             f'map {self._parameters.map_file}: {cols} x {rows} cells of '
             f'{raster_map.resolution:g} m; waiting for {self._inputs.image_topic}'
         )
-
-    def _log_view(self) -> None:
-        """Log each view when it is computed."""
-        view = self._dispatch.frontend.view
-        if view.number != self._view_number:
-            self._view_number = view.number
-            self._node.get_logger().info(f'{view.text}; computed in {view.seconds:.1f} s')
 
     def check(self, parameters: Parameters) -> None:
         """
@@ -165,7 +149,7 @@ class Localization:
     def close(self) -> None:
         """Stop the clock callback and the worker; the caller removes the endpoints."""
         self._worker.close()
-        self._jumps.unregister()
+        self._reports.close()
 
     def _take(self, role: str, message: Any) -> None:
         """Process a message: images and masks now, others when no frame is being localized."""
@@ -187,7 +171,7 @@ class Localization:
         if role == ODOMETRY:
             self._health.on_odometry()
         if role != ODOMETRY or role in self._dispatch.frontend.complaints:
-            self._publish_changes()
+            self._reports.publish_changes()
 
     def _on_frame(self, frame: Frame) -> None:
         self._health.on_image(frame.stamp_ns, self._now_ns())
@@ -219,7 +203,7 @@ class Localization:
         self._health.prediction = state.pose_filter.prediction_source
         self._health.warnings = self._dispatch.frontend.warnings
         self._health.overtaken = self._dispatch.overtaken
-        self._publish_changes()
+        self._reports.publish_changes()
 
     def _publish(self, estimate: Estimate, elapsed_ms: float) -> None:
         self._outputs.publish(estimate, elapsed_ms, self._dispatch.attitude)
@@ -236,33 +220,6 @@ class Localization:
 
     def _report_camera(self, place: str) -> None:
         self._node.get_logger().info(f'camera from TF: {place}', throttle_duration_sec=MOUNT_LOG)
-
-    def _on_jump(self, jump: TimeJump) -> None:
-        self._health.on_time_jump(-jump.delta.nanoseconds * 1e-9)
-
-    def _publish_changes(self) -> None:
-        self._log_view()
-        self._update_inputs()
-        self._diagnostics.publish_changes()
-
-    def _update_inputs(self) -> None:
-        frontend, mount = self._dispatch.frontend, self._dispatch.mount
-        self._health.update_inputs(frontend.complaints, frontend.counts)
-        self._health.set_rule('NO_CAMERA_TF', '' if mount is None else mount.fault)
-
-    def _look(self) -> None:
-        """Check for missing inputs; publish all reports once a second."""
-        self._health.simulated = bool(self._node.get_clock().ros_time_is_active)
-        self._health.on_clock(self._now_ns())
-        self._update_inputs()
-        self._services.look()
-        if self._looks % LOOKS_PER_REPORT == 0:
-            self._health.set_rule('DUPLICATE_NAME', namesakes(self._node))
-        self._looks += 1
-        if self._looks % LOOKS_PER_REPORT == 1:
-            self._diagnostics.publish()
-        else:
-            self._diagnostics.publish_changes()
 
     def _request_search(self, then: Callable[[], None]) -> None:
         def search() -> None:
