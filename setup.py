@@ -8,7 +8,7 @@ import platform
 from setuptools import Extension, find_packages, setup
 
 PACKAGE = 'gip_localizer'
-# Every x86-64 processor since 2011 has SSSE3; what newer ones have is asked for at run time.
+# Every x86-64 processor since 2011 has SSSE3; instructions of newer ones are detected at run time.
 COMPILE = ['-O3', '-Wno-psabi', *(['-mssse3'] if platform.machine() == 'x86_64' else [])]
 
 

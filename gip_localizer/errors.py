@@ -8,7 +8,7 @@ A frame that cannot be localized is not an error: it is an `Estimate` with a `St
 """
 
 LINE = 160
-"""Characters of a file or value that a message quotes at most."""
+"""Largest number of characters of a file or value that a message quotes; chosen."""
 
 
 def quoted(value: object) -> str:

@@ -60,7 +60,7 @@ def recorded(folder: Path) -> Recorded:
             for m in bag.messages([topic.name for topic in bag.topics])]
 
 
-def beside(drive: Path) -> list[str]:
+def options_of(drive: Path) -> list[str]:
     """The options that name the drive's map and parameters."""
     return ['--map', str(drive / 'map.yaml'), '--params', str(drive / 'params.yaml')]
 
@@ -69,7 +69,7 @@ def replayed(bag: Path, drive: Path, out: Path, *options: str, expected: int = 0
              report: bool = False) -> dict:
     """Replay through the command line; return `metrics.json`."""
     options = (*options, *([] if report else ['--no-report']))
-    code = main(['replay', str(bag), *beside(drive), *COARSE, '--out', str(out), *options])
+    code = main(['replay', str(bag), *options_of(drive), *COARSE, '--out', str(out), *options])
     assert code == expected
     return json.loads((out / 'metrics.json').read_text())
 

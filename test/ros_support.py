@@ -127,7 +127,7 @@ class Tester(Node):
         return found
 
     def said(self, concern, word):
-        """Tell whether the newest diagnostics of a concern hold a word."""
+        """Return whether the newest diagnostics of a group contain a word."""
         return bool(self.diagnostics) and word in self.status(concern).message
 
     def levels(self):

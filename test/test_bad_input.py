@@ -163,8 +163,8 @@ def test_wrong_odometry_changes_no_pose_of_a_vehicle_that_drives_from_the_start(
     start = pose_at(road, 0)
 
     def bent(message, turn):
-        told = BENT[kind](start.inverse() @ pose_at(road, every * turn))
-        message.pose.pose = make_pose(told)
+        reported = BENT[kind](start.inverse() @ pose_at(road, every * turn))
+        message.pose.pose = make_pose(reported)
         return [message]
 
     run = Run(road, drive[::every]).go(bent)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The covariance of a fit, told from its residuals by blocks of road."""
+"""The covariance of a fit, estimated from its residuals by blocks of road."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def problem(slopes, residual):
 
 @pytest.mark.parametrize('within', [0.0, 1.0])
 def test_it_is_that_of_the_errors(within):
-    # a few blocks tell more than the others; `within`: errors that the cells of a block share
+    # A few blocks hold more information than the others; `within`: errors common to a block.
     rng = np.random.default_rng(5)
     x, y = (np.indices((SIDE, SIDE)).reshape(2, -1) + 0.5).astype(np.float32)
     blocks = Blocks(x, y, (4.0, 4.0), (1, 1))
@@ -36,13 +36,13 @@ def test_it_is_that_of_the_errors(within):
     slopes = rng.normal(size=(UNKNOWNS, 49))[:, block] * rng.uniform(0.2, 2.0, 49)[block]
     slopes = (slopes + 0.3 * rng.normal(size=slopes.shape)).astype(np.float32)
     inverse = np.linalg.inv(slopes @ slopes.T)
-    errors, told = [], []
+    errors, estimated = [], []
     for _ in range(400):
         noise = rng.normal(size=len(x)) + within * rng.normal(size=49)[block]
         error = inverse @ (slopes @ noise)
         fit = problem(slopes, (noise - error @ slopes).astype(np.float32))
         errors.append(error[:GEOMETRY])
-        told.append(np.diag(fit.block_covariance(fit.sums(blocks))))
-    ratio = np.mean(told, axis=0) / np.mean(np.square(errors), axis=0)
+        estimated.append(np.diag(fit.block_covariance(fit.sums(blocks))))
+    ratio = np.mean(estimated, axis=0) / np.mean(np.square(errors), axis=0)
     assert ratio.min() > 0.8
     assert ratio.max() < 1.25

@@ -117,8 +117,8 @@ def test_a_fit_finds_the_figure_that_tells():
     design = Design.of(made)
     assert [design.names[column] for column in select(design)] == ['margin']
     assert design.fitted([0])[1] == pytest.approx(4.0, abs=1.0)
-    told = reliability(design, design.left_out([0]))
-    assert all(abs(b.expected - b.found) < 0.2 for b in told if b.right + b.wrong > 40)
+    bins = reliability(design, design.left_out([0]))
+    assert all(abs(b.expected - b.found) < 0.2 for b in bins if b.right + b.wrong > 40)
 
 
 def test_trials_are_kept_as_they_are_made(tmp_path):

@@ -35,7 +35,7 @@ def without_tf(drive, path):
 
 
 def with_tf(drive, path, base='base_link'):
-    """The drive with its camera in /tf_static, over two hops, beside a transform that is none."""
+    """The drive with its camera in /tf_static, by two transforms, and an invalid one."""
     messages = [m for m in recorded(drive) if m[0] != '/tf_static']
     held = load_parameter_file(drive / 'params.yaml').camera
     place = Extrinsics(held.x, held.y, held.z, held.roll, held.pitch, held.yaw)
@@ -71,9 +71,9 @@ def test_without_the_transform_every_verb_refuses_by_name(drive, tmp_path, capsy
         out = tmp_path / f'out{suffix}'
         words = [verb, str(bag), '--params', str(drive / 'params.yaml'), *ELSEWHERE, *options]
         assert main([*words, '--out', str(out)]) == 1
-        told = capsys.readouterr().err
-        assert 'camera.from_tf is true, and /tf_static of the bag does not hold' in told
-        assert 'set camera.from_tf=false' in told
+        printed = capsys.readouterr().err
+        assert 'camera.from_tf is true, and /tf_static of the bag does not hold' in printed
+        assert 'set camera.from_tf=false' in printed
 
 
 @pytest.mark.parametrize('verb', ['map', 'check-calibration'])

@@ -177,10 +177,10 @@ def test_jobs_hold_every_trial_once():
 def test_records_do_not_depend_on_processes_nor_on_what_was_tried_before():
     work = [job for job in jobs(('conditions',), frames=12, seed=4, overrides={})
             if job.part == 'tiles']
-    told = []
-    both = run_all(work, processes=2, done=told.append)
-    assert {job.first for job in told} == {0, 10}
-    later = run_all(work[1:], processes=1, done=told.append)
+    finished = []
+    both = run_all(work, processes=2, done=finished.append)
+    assert {job.first for job in finished} == {0, 10}
+    later = run_all(work[1:], processes=1, done=finished.append)
     for one, other in zip(both[10:], later, strict=True):
         assert (one.part, one.index, one.trial.status) == (
             other.part, other.index, other.trial.status

@@ -85,7 +85,7 @@ class Vehicle:
         """
         Localize, and judge: a published pose is whole, honest of its uncertainty and right.
 
-        Under the calibration of another camera, which nothing tells from a true one, it is
+        Another camera's calibration cannot be distinguished from the true one: the pose is then
         where that camera would see the road so, and need only be whole.
 
         """

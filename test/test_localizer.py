@@ -129,7 +129,7 @@ def test_a_drive_is_followed_without_odometry_at_constant_velocity(road):
 
 def test_odometry_carries_over_a_gap_that_velocity_could_not(road, frame):
     # The vehicle reverses 2 m in the gap: only odometry knows. No fix has confirmed it yet, so
-    # that the place it leads to is looked at besides the last one.
+    # that the place it leads to is searched in addition to the last one.
     localizer = make(road)
     localizer.set_prior(0, frame[0], CERTAIN)
     assert localizer.update(S, frame[1], CAMERA).published
@@ -219,7 +219,7 @@ def test_a_flat_map_is_not_matched(road, frame):
 
 
 def test_a_map_that_repeats_itself_is_ambiguous():
-    # Stripes across the road, alike every 0.2 m: nothing tells one from the next.
+    # Stripes across the road, alike every 0.2 m: they cannot be distinguished.
     stripes = np.where(np.arange(400) // 2 % 2 == 0, 0.2, 0.8).astype(np.float32)
     raster_map = RasterMap(np.tile(stripes, (400, 1)), 0.05, Pose2(0.0, -10.0, 0.0))
     pose = Pose2(3.0, 0.0, 0.0)
@@ -334,7 +334,7 @@ def test_a_map_that_tells_its_noise_is_known_all_the_same(road, frame, sigma):
 
 
 def test_a_dim_night_is_no_flat_frame(road):
-    """At the first frame nothing tells the gain; taken for that of a day, the map is all noise."""
+    """The gain is unknown at first; with the gain of a bright day the map would be noise."""
     localizer, pose = make(road), road.pose(0.1)
     bright = road.frame(CAMERA, pose).astype(float)
     rng = np.random.default_rng(3)
@@ -404,7 +404,7 @@ def test_a_vehicle_that_drives_on_while_the_map_is_searched_is_found(road):
         estimate = localizer.update(stamp, road.frame(CAMERA, pose), CAMERA)
         check(estimate, pose)
         statuses.append(estimate.status)
-    assert statuses[:2] == [Status.CONFIRMING, Status.LOST]  # two places that tell a velocity
+    assert statuses[:2] == [Status.CONFIRMING, Status.LOST]  # two places that give a velocity
     assert statuses[-20:] == [Status.TRACKING] * 20
 
 

@@ -47,7 +47,7 @@ def built(drive, tmp_path_factory) -> Path:
 
 
 class Compared:
-    """A built map beside the world it shows, on the same cells, in the map's grey levels."""
+    """A built map and the world it shows, on the same cells, in the map's grey levels."""
 
     def __init__(self, built: Path, world: Path) -> None:
         self.map, whole = load_map(built), load_map(world)

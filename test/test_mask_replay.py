@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Bags that hold masks beside the images."""
+"""Bags that hold images and their masks."""
 
 from __future__ import annotations
 

@@ -159,16 +159,16 @@ def test_wrappers_work_without_a_bin_folder_beside_them(sources, tmp_path):
 
 def test_both_metadata_files_tell_the_same_version():
     manifest = ElementTree.parse(ROOT / 'package.xml').getroot()
-    told = run([sys.executable, 'setup.py', '--version'], cwd=ROOT)
-    assert told.stdout.split()[-1] == manifest.findtext('version')
+    printed = run([sys.executable, 'setup.py', '--version'], cwd=ROOT)
+    assert printed.stdout.split()[-1] == manifest.findtext('version')
 
 
 def test_no_ros_wheel_is_required_outside_the_extra(sources):
-    told = run([
+    printed = run([
         sys.executable, '-c',
         'from setuptools.build_meta import prepare_metadata_for_build_wheel as go; print(go("."))',
     ], cwd=sources)  # fmt: skip
-    metadata = sources / told.stdout.split()[-1] / 'METADATA'
+    metadata = sources / printed.stdout.split()[-1] / 'METADATA'
     lines = metadata.read_text().splitlines()
     required = [line for line in lines if line.startswith('Requires-Dist')]
     assert [line for line in required if 'ros-jazzy' in line and 'extra ==' not in line] == []

@@ -135,22 +135,22 @@ def test_a_miss_carries_the_prediction_and_its_doubt_on():
     assert t.belief.covariance[0, 0] > 10 * SMALL[0, 0]
 
 
-def blind(rate, seconds, told=False):
+def blind(rate, seconds, with_odometry=False):
     """Return the prior after so many seconds of misses at 5 m/s, with odometry or without."""
     t = believing(pose_filter(sigma_xy_per_m=0.02, sigma_xy_per_s=0.05))
-    for i in range(round(50 * seconds) + 1) if told else ():
+    for i in range(round(50 * seconds) + 1) if with_odometry else ():
         assert t.odometry.add(OdometrySample(i * 20 * MS, Pose2(0.1 * i, 0.0, 0.0)))
     for i in range(1, round(rate * seconds) + 1):
         t.miss(t.predict(round(i * 1000 / rate) * MS))
     return t.belief
 
 
-@pytest.mark.parametrize('told', [True, False])
-def test_what_is_not_known_of_the_motion_does_not_depend_on_the_frame_rate(told):
-    often, seldom = blind(25.0, 8.0, told), blind(1.0, 8.0, told)
+@pytest.mark.parametrize('with_odometry', [True, False])
+def test_what_is_not_known_of_the_motion_does_not_depend_on_the_frame_rate(with_odometry):
+    often, seldom = blind(25.0, 8.0, with_odometry), blind(1.0, 8.0, with_odometry)
     np.testing.assert_allclose(often.pose, seldom.pose, atol=1e-9)
     np.testing.assert_allclose(np.diag(often.covariance)[2], np.diag(seldom.covariance)[2])
-    grown = math.hypot(0.02 * 40.0, 0.05 * 8.0) if told else 5.0 * 0.05 * 8.0
+    grown = math.hypot(0.02 * 40.0, 0.05 * 8.0) if with_odometry else 5.0 * 0.05 * 8.0
     ahead = Pose2(*seldom.pose).rotation().T @ seldom.covariance[:2, :2] @ seldom.pose.rotation()
     assert math.sqrt(ahead[0, 0]) == pytest.approx(grown, rel=0.01)
 
@@ -190,8 +190,8 @@ BENT = {
 def test_odometry_is_believed_once_it_has_agreed_and_contradicted_at_once(kind):
     t, sources, rejected = pose_filter(), [], []
     for i in range(25):
-        told = BENT.get(kind, float)(0.5 * i)
-        assert t.odometry.add(OdometrySample(i * 100 * MS, Pose2(told, 0.0, 0.0)))
+        reported = BENT.get(kind, float)(0.5 * i)
+        assert t.odometry.add(OdometrySample(i * 100 * MS, Pose2(reported, 0.0, 0.0)))
         prior = t.predict(i * 100 * MS)
         sources.append(t.prediction_source)
         t.correct(prior, Belief(i * 100 * MS, Pose2(0.5 * i, 0.0, 0.0), SMALL), fuse=True)
@@ -219,8 +219,8 @@ def test_a_vehicle_that_stands_proves_no_odometry():
 def test_rejected_odometry_is_believed_again_after_three_agreements():
     t, believed = pose_filter(), []
     for i in range(60):
-        told = 0.0 if i < 5 else 0.5 * (i - 5)
-        assert t.odometry.add(OdometrySample(i * 100 * MS, Pose2(told, 0.0, 0.0)))
+        reported = 0.0 if i < 5 else 0.5 * (i - 5)
+        assert t.odometry.add(OdometrySample(i * 100 * MS, Pose2(reported, 0.0, 0.0)))
         stamp = i * 100 * MS
         t.correct(t.predict(stamp), Belief(stamp, Pose2(0.5 * i, 0.0, 0.0), SMALL), fuse=True)
         believed.append(t.odometry_check.believed)

@@ -165,16 +165,16 @@ def test_cells_whose_map_is_noisy_and_says_so_hardly_count(road):
     refiner = Refiner(RECTIFIER, FIXED, normalized=True, robust=False)
     view = RECTIFIER.rectify(image)
     weight = gramian(view.footprint, pixel_noise=0.01, map_noise=0.02)
-    errors = {'told': [], 'not told': []}
+    errors = {'known': [], 'unknown': []}
     for seed in range(8):
         grey = crop.grey + noise * np.random.default_rng(seed).standard_normal(
             crop.grey.shape).astype(np.float32)
-        for name, known in (('told', noise), ('not told', None)):
-            told = Crop(replace(crop, grey=grey, noise=known), 0.05)
-            layers = refiner.layers(view, weight, told)
+        for name, known in (('known', noise), ('unknown', None)):
+            noisy = Crop(replace(crop, grey=grey, noise=known), 0.05)
+            layers = refiner.layers(view, weight, noisy)
             found = refiner.refine(layers, start)
             errors[name].append(math.hypot(*difference(found.pose, truth)[:2]))
-    assert np.mean(errors['told']) < 0.7 * np.mean(errors['not told'])
+    assert np.mean(errors['known']) < 0.7 * np.mean(errors['unknown'])
 
 
 def test_residuals_lose_their_weight_early_only_where_some_are_no_noise():

@@ -9,7 +9,7 @@ import re
 import signal
 
 from bag_samples import write_rosbag2
-from drive_samples import beside, COARSE, recorded, replayed, rewritten
+from drive_samples import COARSE, options_of, recorded, replayed, rewritten
 from mcap.writer import CompressionType
 import numpy as np
 import pytest
@@ -100,7 +100,7 @@ def test_a_window_after_the_only_camera_info_is_calibrated(drive, messages, tmp_
 
 def test_an_initial_pose_of_the_beginning_is_doubted_later_on(drive, tmp_path, capsys):
     late = ('--start', '1.5', '--duration', '0.2', '--out', str(tmp_path / 'out'))
-    assert main(['replay', str(drive), *beside(drive), *COARSE, *late]) == 1
+    assert main(['replay', str(drive), *options_of(drive), *COARSE, *late]) == 1
     assert re.search(r'initial_pose\.\* is [2-9]\.\d+ m and .* give --initial-pose truth',
                      capsys.readouterr().err)
     replayed(drive, drive, tmp_path / 'new', *late[:4], '--initial-pose', 'truth')

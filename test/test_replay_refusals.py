@@ -6,7 +6,7 @@ import resource
 import subprocess
 import sys
 
-from drive_samples import beside, COARSE, recorded, rewritten
+from drive_samples import COARSE, options_of, recorded, rewritten
 import pytest
 
 from gip_localizer.cli import main
@@ -23,7 +23,7 @@ def refused(capsys, *words: str) -> str:
 
 
 def replay(drive, tmp_path, *options):
-    return ['replay', str(drive), *beside(drive), '--out', str(tmp_path / 'out'), *options]
+    return ['replay', str(drive), *options_of(drive), '--out', str(tmp_path / 'out'), *options]
 
 
 @pytest.mark.parametrize(('options', 'words'), [
@@ -87,7 +87,7 @@ def test_no_map(drive, tmp_path, capsys):
 ])
 def test_a_bag_without_a_needed_topic(drive, tmp_path, capsys, left_out, words):
     bag = rewritten(tmp_path / 'a.mcap', [m for m in recorded(drive) if m[0] != left_out])
-    error = refused(capsys, 'replay', str(bag), *beside(drive), '--out', str(tmp_path / 'out'))
+    error = refused(capsys, 'replay', str(bag), *options_of(drive), '--out', str(tmp_path / 'out'))
     assert words in error
     assert '/odom' in error
     assert not (tmp_path / 'out').exists()
@@ -95,7 +95,7 @@ def test_a_bag_without_a_needed_topic(drive, tmp_path, capsys, left_out, words):
 
 def test_an_encoding_that_is_not_read_is_named(drive, tmp_path, capsys):
     bag = rewritten(tmp_path / 'a.mcap', recorded(drive), encodings={'/image': 'ros1'})
-    error = refused(capsys, 'replay', str(bag), *beside(drive), '--out', str(tmp_path / 'out'))
+    error = refused(capsys, 'replay', str(bag), *options_of(drive), '--out', str(tmp_path / 'out'))
     assert '/image (sensor_msgs/msg/Image, 25, encoding \'ros1\' is not read)' in error
 
 
@@ -107,7 +107,7 @@ def test_a_truth_of_another_type_is_told_which_are_read(drive, tmp_path, capsys)
 def test_two_cameras_are_asked_for(drive, tmp_path, capsys):
     second = [(f'/rear{t}', k, log, raw) for t, k, log, raw in recorded(drive) if t == '/image']
     bag = rewritten(tmp_path / 'a.mcap', recorded(drive) + second)
-    error = refused(capsys, 'replay', str(bag), *beside(drive), '--out', str(tmp_path / 'out'))
+    error = refused(capsys, 'replay', str(bag), *options_of(drive), '--out', str(tmp_path / 'out'))
     assert '--image-topic' in error
     assert '/rear/image' in error
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 
 from bag_samples import EPOCH, image, odometry, serialized, write_mcap
-from drive_samples import beside, COARSE, recorded, replayed, rewritten
+from drive_samples import COARSE, options_of, recorded, replayed, rewritten
 import pytest
 from run_samples import Frame
 
@@ -69,7 +69,7 @@ def test_two_drives_are_two_runs(drive, tmp_path, capsys):
     for folder in ('a', 'b'):
         (tmp_path / folder).mkdir()
     bags = [rewritten(tmp_path / folder / 'd.mcap', part) for folder in ('a', 'b')]
-    code = main(['replay', *map(str, bags), *beside(drive), *COARSE, '--out',
+    code = main(['replay', *map(str, bags), *options_of(drive), *COARSE, '--out',
                  str(tmp_path / 'out')])
     assert code == 0
     for name in ('d_1', 'd_2'):

@@ -69,7 +69,7 @@ class Vehicle:
         self.judge()
 
     def judge(self):
-        """Hold every pose that came against the place that its stamp tells."""
+        """Compare every received pose with the true pose at its stamp."""
         for message in self.tester.poses:
             age = (self.stamp - message.header.stamp.sec * SECOND - message.header.stamp.nanosec)
             turn = self.turn - 1 - round(age / TENTH)

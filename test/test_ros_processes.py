@@ -105,7 +105,7 @@ def busy_searching(tester, process, image):
 
 @pytest.fixture
 def searching(nodes, tester, tmp_path):
-    """A node with a large map, to be asked for a search of seconds."""
+    """A node with a large map, whose search takes seconds."""
     path = tmp_path / 'large.yaml'
     save_map(RasterMap(np.tile(WORLD.grey, (6, 6)), WORLD.resolution, WORLD.origin), path)
     process = nodes.start('localizer', parameters(path))
@@ -120,10 +120,10 @@ def test_amid_a_search_services_parameters_and_diagnostics_are_answered(searchin
     images = frames(SNOW)
     busy_searching(tester, searching, images)
     tester.initial.publish(initial_pose(START))
-    told = len(tester.diagnostics)
+    received = len(tester.diagnostics)
     assert tester.set('search.x', 0.5).successful
     assert tester.switch('/localizer/enable', True).success
-    tester.until(lambda: len(tester.diagnostics) > told, 'diagnostics')
+    tester.until(lambda: len(tester.diagnostics) > received, 'diagnostics')
     assert not done, 'the search was over before the answers came'
 
     def all_taken():

@@ -116,7 +116,7 @@ def test_the_last_image_reaches_a_reader_that_was_held_up_at_the_end(tester, nod
         try:
             play(nodes, bag, ['/camera/image'], rate=4.0)
             tester.until(lambda: any(stamp in heard.read_text() for stamp in late), 'images')
-            # Fast DDS gives up a reader that stands still for a second.
+            # Fast DDS gives up a reader that is stopped for a second.
             reader.send_signal(signal.SIGSTOP)
             tester.until(lambda: 'end of the bag' in log.read_text(), 'the end of the bag')
             tester.spin(0.3)  # in which a player that does not wait has gone

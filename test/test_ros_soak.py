@@ -3,7 +3,7 @@
 """
 A soak over DDS: everything that can go wrong on a vehicle does, at random, again and again.
 
-`make soak MINUTES=30` soaks for half an hour and tells how it went (the suite: 12 s).
+`make soak MINUTES=30` runs for half an hour and prints a summary (the suite: 12 s).
 
 """
 
@@ -59,7 +59,7 @@ class Trouble:
         self.stamp = 1_700_000_000 * SECOND
         self.heard = self.frames = 0
         self.worst = [0.0, 0.0]
-        self.happened, self.told = Counter(), Counter()
+        self.happened, self.reported = Counter(), Counter()
 
     def second(self):
         """One second of frames, with one trouble of a kind."""
@@ -126,7 +126,7 @@ class Trouble:
             assert errors[0] < 0.5
             assert errors[1] < math.radians(2.0)
         for message in self.tester.diagnostics:
-            self.told.update({word for status in message.status
+            self.reported.update({word for status in message.status
                               for word in RULE.findall(status.message)})
         self.heard += len(self.tester.poses)
         self.tester.poses.clear()
@@ -149,7 +149,7 @@ class Trouble:
             f'... by thirds          {", ".join(f"{m / 2**20:.1f}" for m in medians(sizes))} MiB '
             '(medians)',
             f'seconds of each kind   {listed(self.happened)}',
-            f'told by diagnostics    {listed(self.told)}',
+            f'in the diagnostics     {listed(self.reported)}',
         ])
 
 

@@ -452,10 +452,10 @@ def test_a_camera_that_changes_its_size_goes_on(tester, localizer, render):
     assert_near(localized(tester, images, localizer), START)
     wrong = camera_info(width=640, height=480)
 
-    def told():
+    def reported():
         send(tester, next(images), localizer, wrong)
         return tester.said('calibration', 'NO_CALIBRATION')
 
-    tester.until(told, 'a report of the sizes', alive=localizer)
+    tester.until(reported, 'a report of the sizes', alive=localizer)
     assert_near(localized(tester, images, localizer), START)
     assert math.isfinite(tester.poses[-1].pose.position.x)

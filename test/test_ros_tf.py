@@ -82,13 +82,13 @@ def test_the_camera_is_where_static_transforms_put_it(nodes, tester, map_file, r
     process = start(nodes, tester, map_file, {**nowhere, 'camera.from_tf': True})
     images = frames(render(START))
 
-    def told():
+    def reported():
         tester.info.publish(camera_info())
         tester.image.publish(next(images))
         tester.executor_.spin_once(timeout_sec=0.05)
         return tester.said('calibration', "no transform connects 'base_link' and 'camera'")
 
-    tester.until(told, 'a report of the missing transform', alive=process)
+    tester.until(reported, 'a report of the missing transform', alive=process)
     assert tester.poses == []
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     static = tester.create_publisher(TFMessage, '/tf_static', latched)

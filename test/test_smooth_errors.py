@@ -52,9 +52,9 @@ def learned(errors, matches):
 def test_it_vanishes_where_blocks_err_alone():
     rng = np.random.default_rng(3)
     centres, errors = view()
-    told = [np.diag(covariance(errors, sums(rng, centres, 0.0)[0])) for _ in range(20)]
+    estimated = [np.diag(covariance(errors, sums(rng, centres, 0.0)[0])) for _ in range(20)]
     own = 1e-6 * np.diag(np.linalg.inv(sums(rng, centres, 0.0)[0].total[:3, :3] * 1e-6))
-    assert np.all(np.mean(told, axis=0) < 1.0 * own)
+    assert np.all(np.mean(estimated, axis=0) < 1.0 * own)
 
 
 def test_a_bent_map_is_seen():

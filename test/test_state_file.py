@@ -111,10 +111,10 @@ def test_without_odometry_the_speed_is_held_with_a_wide_prior():
     assert math.sqrt(belief.covariance[0, 0]) > 6.0
 
 
-def keeper_of(path, now, told=None):
+def keeper_of(path, now, reports=None):
     localizer = Localizer(cells(), Parameters.from_dict({'state_file': str(path)}))
-    told = [] if told is None else told
-    return localizer, StateKeeper(localizer, told.append, wall=lambda: now)
+    reports = [] if reports is None else reports
+    return localizer, StateKeeper(localizer, reports.append, wall=lambda: now)
 
 
 def test_a_restart_begins_where_the_last_pose_and_the_odometry_lead(tmp_path):
@@ -124,14 +124,14 @@ def test_a_restart_begins_where_the_last_pose_and_the_odometry_lead(tmp_path):
     pose, covariance = Pose2(8.0, 9.0, 0.0), np.diag([1e-4, 1e-4, 1e-6])
     keeper.after(Estimate(5 * SECOND, Status.TRACKING, '', pose, covariance))
 
-    told = []
-    localizer, keeper = keeper_of(path, 1003.0, told)
+    reports = []
+    localizer, keeper = keeper_of(path, 1003.0, reports)
     keeper.before(8 * SECOND)
     assert localizer.state.pose_filter.belief is None  # it waits for the odometry
     localizer.add_odometry(OdometrySample(8 * SECOND, Pose2(3.0, 0.0, 0.0)))
     keeper.before(8 * SECOND)
     assert localizer.state.pose_filter.belief.pose == pytest.approx(Pose2(10.0, 9.0, 0.0))
-    assert told == []
+    assert reports == []
 
 
 def test_a_better_prior_keeps_the_file_out(tmp_path):
@@ -158,29 +158,29 @@ def test_a_pose_that_may_be_anywhere_by_now_is_told_and_not_used(tmp_path):
     save_state(path, LastPose(map_hash(cells()), 'map', 0.0, STATE.pose, STATE.covariance, 40.0))
     values = {'state_file': str(path), 'state.max_age': 1e6}
     localizer = Localizer(cells(), Parameters.from_dict(values))
-    told = []
-    StateKeeper(localizer, told.append, wall=lambda: 9e5).before(SECOND)
+    reports = []
+    StateKeeper(localizer, reports.append, wall=lambda: 9e5).before(SECOND)
     assert localizer.state.pose_filter.belief is None
-    assert 'too large to be of use' in told[0]
-    assert 'not used' in told[0]
+    assert 'too large to be of use' in reports[0]
+    assert 'not used' in reports[0]
 
 
 def test_a_name_that_no_file_can_have_is_told(tmp_path):
-    told = []
-    _, keeper = keeper_of(tmp_path / ('x' * 300), 1000.0, told)
+    reports = []
+    _, keeper = keeper_of(tmp_path / ('x' * 300), 1000.0, reports)
     keeper.after(Estimate(SECOND, Status.TRACKING, '', Pose2(8.0, 9.0, 0.0), np.eye(3) * 1e-4))
-    assert 'cannot be written' in told[0]
+    assert 'cannot be written' in reports[0]
 
 
 def test_a_stale_file_is_told_and_not_used(tmp_path):
     path = tmp_path / 'state.json'
     _, keeper = keeper_of(path, 1000.0)
     keeper.after(Estimate(SECOND, Status.TRACKING, '', Pose2(8.0, 9.0, 0.0), np.eye(3) * 1e-4))
-    told = []
-    localizer, keeper = keeper_of(path, 2000.0, told)
+    reports = []
+    localizer, keeper = keeper_of(path, 2000.0, reports)
     keeper.before(2 * SECOND)
     assert localizer.state.pose_filter.belief is None
-    assert 'state.max_age' in told[0]
+    assert 'state.max_age' in reports[0]
 
 
 def test_a_parked_vehicle_writes_four_times_in_the_age_that_a_file_may_have(tmp_path):

@@ -65,9 +65,9 @@ def test_car_behind_is_not_seen_and_one_beside_is_cut_off(camera):
     scene, hidden = draw(camera, Car(Pose2(-6.0, 0.0, 0.0)))
     assert not hidden.any()
     assert np.all(scene == 0.5)
-    _, beside = draw(camera, Car(Pose2(2.5, 2.6, 0.0)))
-    assert beside[:, :60].any()
-    assert not beside[:, 200:].any()
+    _, neighbour = draw(camera, Car(Pose2(2.5, 2.6, 0.0)))
+    assert neighbour[:, :60].any()
+    assert not neighbour[:, 200:].any()
 
 
 @pytest.mark.parametrize('share', [0.1, 0.25])

@@ -29,6 +29,7 @@ from gip_localizer.core.pose import difference, Pose2
 AREAS = {'1 ha': 100.0}
 """Sides of square maps, metres."""
 FRAME_NS = 10**10
+"""Time between two frames, nanoseconds; chosen: ten seconds."""
 RIGHT_M, RIGHT_YAW = 0.5, math.radians(2.0)
 """What a judged place may be off, as in `gip evaluate`."""
 

@@ -204,10 +204,8 @@ class Localizer:
         try:
             with self._times.stage('calibrate'):
                 if not self.view_fits(camera):
-                    self._prepared = CalibratedView(
-                        camera, self.parameters, self.raster_map.resolution,
-                        self.raster_map.accuracy,
-                    )
+                    shown = self.raster_map.resolution, self.raster_map.accuracy
+                    self._prepared = CalibratedView(camera, self.parameters, *shown)
                     self.state.forget_calibration()
         except CalibrationError as error:
             self._prepared = None

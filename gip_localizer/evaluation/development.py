@@ -13,8 +13,10 @@ from gip_localizer.evaluation.suites.model_error import CAUSES
 from gip_localizer.evaluation.suites.trials import Bench, compared, Spread
 from gip_localizer.parameters.spec import Value
 
-SEEDS = range(7101, 7107)  # of the worlds
-FRAMES = 4  # of each world
+SEEDS = range(7101, 7107)
+"""Seeds of the worlds; chosen: no reported number uses them."""
+FRAMES = 4
+"""Number of frames of each world; chosen: all setups then take ten minutes."""
 SETUPS: tuple[Setup, ...] = (*CAUSES, *CONDITIONS)
 
 

@@ -26,8 +26,10 @@ from gip_localizer.evaluation.development import development_matches, SEEDS, SET
 from gip_localizer.evaluation.suites.conditions import Setup
 from gip_localizer.evaluation.suites.model_error import ModelError
 
-FREEDOM = (3.0, 30.0)  # degrees of freedom: heavier tails have no variance to speak of
-TAIL = 0.1  # largest share of the errors that are bounded one by one
+FREEDOM = (3.0, 30.0)
+"""Limits of the degrees of freedom (no unit); chosen: below 3 the variance is hardly defined."""
+TAIL = 0.1
+"""Share of the errors, the largest ones, that the fit bounds one by one; chosen."""
 AXES = ('position', 'heading')
 TERMS = Path(protection_terms.__file__)
 

@@ -35,7 +35,7 @@ READABLE = STYLE | {'font.size': 10.0, 'figure.constrained_layout.use': False}
 """
 Settings of charts that are also read on a telephone, 390 px wide; chosen.
 
-The margins are those of `figure_uri`; a layout besides would take half of the report's time.
+The margins are those of `figure_uri`; a computed layout would take half of the time.
 
 """
 MAP, ERRORS, CONSISTENCY = 'Map', 'Error over time', 'Consistency: NEES over time'

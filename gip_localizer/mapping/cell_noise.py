@@ -11,7 +11,7 @@ from gip_localizer.core.arrays import Bools, Floats
 from gip_localizer.core.birdseye.rectifier import View
 
 KINDS = 5
-"""Number of sums per cell."""
+"""Number of sums per cell: as many as the indices below."""
 G, GV, GVV, GG, GS = range(KINDS)
 """Indices of the sums over frames: G, G·grey, G·grey², G² and G·spill, with the weight G."""
 PRIOR_FRAMES = 4.0

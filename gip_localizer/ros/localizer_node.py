@@ -148,7 +148,7 @@ class ManagedLocalizerNode(LifecycleNode):
 
 
 def _make() -> Node:
-    """Build the node of the kind that the parameter `lifecycle` asks for."""
+    """Build the node of the kind that the parameter `lifecycle` selects."""
     probe = Node(NAME, enable_rosout=False, start_parameter_services=False)
     asked = given_at_start(probe).get('lifecycle')
     probe.destroy_node()

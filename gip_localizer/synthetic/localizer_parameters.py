@@ -12,7 +12,7 @@ from gip_localizer.parameters import Birdseye, Parameters
 from gip_localizer.synthetic.drive import SyntheticDrive
 
 _STREAM = 7101
-"""Seed of the prior's random stream (no unit); any number that no other stream uses."""
+"""Number of the prior's random stream (no unit); chosen: no other stream uses it."""
 CAR_VIEW = Birdseye(near=2.5, far=12.5, half_width=4.0, resolution=0.05)
 """View of a camera 1.5 m above the road and 15 degrees down, for suites, demo and benchmark, whose
 published numbers hold for it; chosen."""

@@ -29,6 +29,7 @@ Floats32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
 _TRAFFIC_STREAM, _WEATHER_STREAM, _BUMP_STREAM, _EXPOSURE_STREAM = 7002, 7003, 7004, 7005
+"""Numbers of the random streams (no unit); chosen: no other stream uses them."""
 _PLATOON = 40
 """Number of frames after which the cars in view are replaced; chosen."""
 _MOST_EXPOSURES = 16

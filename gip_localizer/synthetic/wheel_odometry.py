@@ -25,7 +25,7 @@ from gip_localizer.synthetic.parameters import Odometry
 Floats = NDArray[np.float64]
 
 _STREAM = 7001
-"""Seed of the odometry's random stream (no unit); any number that no other stream uses."""
+"""Number of the odometry's random stream (no unit); chosen: no other stream uses it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from gip_localizer.synthetic.canvas import Canvas, paint, rectangle
 from gip_localizer.synthetic.texture import smooth_step, value_noise
 
 PAINTED = (0.42, 0.52)
-"""Reflectance from which ground is paint in part, and in full."""
+"""Reflectances (0 to 1) from which ground counts as paint in part, and in full; chosen."""
 Floats32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 

@@ -129,7 +129,7 @@ class Scorer:
 
     @property
     def sums_needed(self) -> int:
-        """Of how many turned templates, the first ones, `score` asks for the sums."""
+        """Number of turned templates, the first ones, of which `score` needs the sums."""
         if not self.everywhere:
             return 0
         return 1 if self._joint else 2

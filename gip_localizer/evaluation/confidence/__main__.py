@@ -26,6 +26,7 @@ ROOT = Path(__file__).parents[3]
 TERMS = ROOT / 'gip_localizer' / 'core' / 'confidence_terms.py'
 FIGURE = ROOT / 'docs' / 'figures' / 'confidence.png'
 DPI = 90
+"""Resolution of the figure, pixels per inch; chosen."""
 
 
 def main(words: list[str] | None = None) -> int:

@@ -16,7 +16,7 @@ from gip_localizer.evaluation.confidence.fit import Design
 from gip_localizer.visualization.style import BAND, ESTIMATE, TRUTH
 
 EDGES = (0.0, 0.02, 0.1, 0.3, 0.7, 0.9, 0.98, 1.0)
-"""Of the confidence, between which trials are counted together."""
+"""Limits of the confidence (0 to 1) between which trials are counted together; chosen."""
 
 
 @dataclass(frozen=True)

@@ -39,10 +39,11 @@ from gip_localizer.evaluation.suites.wide_start import NOISY
 from gip_localizer.parameters.spec import Value
 
 WORLDS = (5_100_002, 5_100_003)
+"""Seeds of the worlds; chosen: no suite, test or document uses them."""
 MORE_WORLDS = (5_100_004, 5_100_005)
-"""Seeds of the worlds, of no suite, test or document; `MORE_WORLDS` of the hard parts alone."""
+"""Seeds of further worlds of the hard parts alone; chosen in the same way."""
 FRAMES = 2
-"""Number of frames of each part in each world."""
+"""Number of frames of each part in each world; chosen: the trials take 15 minutes."""
 STARTS = (RIGHT, 'outside the window', 'another street', 'beside the road')
 KEPT = Path(__file__).with_name('trials.csv')
 """The figures of the trials, from which the fit can be made again in seconds."""

@@ -17,7 +17,7 @@ from gip_localizer.evaluation.suites.suite import of_part, Record
 from gip_localizer.visualization.style import ESTIMATE, WRONG
 
 DIAGRAM_RISK = 1e-5
-"""Risk of the protection levels in the Stanford diagram."""
+"""Risk of the protection levels in the Stanford diagram, probability per frame; chosen."""
 SIZE, WIDE = (7.2, 3.4), (11.0, 3.2)
 """Widths and heights of charts, inches; chosen."""
 

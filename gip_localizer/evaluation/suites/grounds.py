@@ -22,7 +22,7 @@ PAINT = 0.6
 POOR_BLUR_M = 1.0
 """Standard deviation of the Gaussian that smooths unpainted ground, metres; chosen."""
 PERIOD_M = 0.6
-"""Period of repeated ground, metres; below the search window, which then has equal places."""
+"""Period of repeated ground, metres; chosen: the search window then holds several equal places."""
 LANE_SIZE_M = (80.0, 14.0)
 """Length and width of the world with a straight lane, metres; chosen."""
 LANE_HALF_M, LINE_M = 1.75, 0.12

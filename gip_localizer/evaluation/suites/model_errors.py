@@ -24,9 +24,12 @@ from gip_localizer.core.pose import Pose2
 from gip_localizer.parameters import Birdseye
 from gip_localizer.synthetic.texture import value_noise
 
-WARP_GRAIN_M = 10.0  # between the nodes of a warp: bent one way and back over 20 m
+WARP_GRAIN_M = 10.0
+"""Distance between the nodes of a warp, metres; chosen: there and back takes 20 m."""
 _STREAM = 6173
-_POINTS = 12  # along each side of the view, of the rigid motion that fits a warp
+"""Number of the random stream of warps (no unit); chosen: no other stream uses it."""
+_POINTS = 12
+"""Number of points along each side of the view that fit a rigid motion to a warp; chosen."""
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,15 @@ from gip_localizer.evaluation.suites.trials import Trial
 from gip_localizer.visualization.style import ESTIMATE, WRONG
 
 RISKS = (1e-3, 1e-4, 1e-5)
+"""Risks of the protection levels, probability per frame; chosen."""
 AXES = (('ahead', 'mm', 1e3), ('left', 'mm', 1e3), ('heading', 'deg', float(np.degrees(1.0))))
 """Name, unit and factor to it of each component."""
 SURE = 0.95
-"""Probability of the bounds on counted events."""
-EXACT = np.zeros((3, 3))  # covariance from the camera's yaw, which is exact in the suites
-SIZE = (11.0, 3.6)  # inches
+"""Probability (no unit) that a bound on counted events holds; chosen."""
+EXACT = np.zeros((3, 3))
+"""Covariance from the mounting yaw of the camera, which is exact in the suites by definition."""
+SIZE = (11.0, 3.6)
+"""Width and height of the figure, inches; chosen."""
 
 
 def errors_and_levels(trials: Sequence[Trial], risk: float) -> tuple[Floats, Floats]:

@@ -35,6 +35,7 @@ FRAME_NS = 1_000_000_000
 PLACES = 100_000
 """Number of frames of a drive without end from which trials are drawn; chosen."""
 ORIGIN = Pose2(0.0, 0.0, 0.0)
+"""The identity (m, m, rad), by which a relative pose is subtracted."""
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.source import BagMessage
 
 NS = 1_000_000_000
+"""Nanoseconds per second."""
 LATEST_NS = 2**31 * NS
 """Log times (ns) from here on do not fit the seconds of a ROS stamp."""
 

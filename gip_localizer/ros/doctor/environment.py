@@ -50,6 +50,7 @@ SHARED_MEMORY = Path('/dev/shm')
 SEGMENTS = 3
 """Processes whose image segments must fit at the same time: camera, node and a viewer; chosen."""
 MIB = 1 << 20
+"""Bytes of a mebibyte."""
 BROKEN = (ImportError, OSError, RuntimeError, AttributeError, ValueError)
 """What the import of a package raises that is damaged or built for another machine."""
 
@@ -139,7 +140,7 @@ def middleware() -> Check:
 
 @cache
 def _imported() -> subprocess.CompletedProcess[str]:
-    """Import ROS in a process of its own: a wrong middleware ends the process that asks for it."""
+    """Import ROS in a process of its own: a wrong middleware ends the process that loads it."""
     return subprocess.run(
         [sys.executable, '-c', IMPORTS], capture_output=True, text=True, check=False,
         timeout=IMPORT_TIME,

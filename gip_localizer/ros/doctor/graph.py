@@ -185,7 +185,7 @@ def _type(kind: Any) -> str:
 
 
 def _expected(parameters: Parameters, role: str) -> QoSProfile:
-    """Return what a localizer with these parameters asks for."""
+    """Return the QoS of a subscription of a localizer with these parameters."""
     reliable = role == 'image' and parameters.image_reliability == 'reliable'
     return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE if reliable else
                       ReliabilityPolicy.BEST_EFFORT)

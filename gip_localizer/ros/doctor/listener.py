@@ -32,7 +32,7 @@ except ImportError:
     TFMessage = None
 
 KEPT = 1000
-"""Messages that may wait for their turn."""
+"""Number of messages that may wait to be processed; chosen."""
 
 
 def observed(asked: Asked, progress: Callable[[float], object]) -> Observed:
