@@ -13,7 +13,7 @@ import zstandard
 from gip_localizer.errors import BagError
 from gip_localizer.io.bags.bag import Bag
 from gip_localizer.io.bags.window import BagWindow
-from gip_localizer.io.bags.writer import BagWriter, offered_qos
+from gip_localizer.io.bags.writer import BagWriter, qos_of_topic
 from gip_localizer.io.cdr import jazzy
 
 TOPICS = ('/camera/image', '/odom')
@@ -265,7 +265,7 @@ def test_a_compressed_folder_is_read_whatever_its_metadata_say(tmp_path, mode, c
     writer = Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP)
     writer.set_compression(mode, CompressionFormat.ZSTD)
     with writer:
-        latched = [offered_qos(latched=True)]
+        latched = [qos_of_topic(latched=True)]
         ids = {t: writer.add_connection(t, k, typestore=jazzy(), offered_qos_profiles=latched)
                for t, k, _, _ in STREAM[:2]}
         for topic, _, log, raw in STREAM:

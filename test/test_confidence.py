@@ -122,7 +122,7 @@ def test_a_fit_finds_the_figure_that_tells():
 
 
 def test_trials_are_kept_as_they_are_made(tmp_path):
-    made = list(trials.make(replace(TILES, name='tiles'), 5_100_099))
+    made = list(trials.make_trials(replace(TILES, name='tiles'), 5_100_099))
     assert {trial.start for trial in made} >= {'right', 'another street'}
     assert all(trial.right for trial in made if trial.start == 'right')
     trials.write(tmp_path / 'trials.csv', made)

@@ -21,7 +21,7 @@ from gip_localizer.evaluation.suites.grounds import (
     LINE,
     noisy_map,
     PERIOD_M,
-    repeated,
+    repeated_ground,
 )
 from gip_localizer.evaluation.suites.integrity import (
     FAR_M,
@@ -34,7 +34,12 @@ from gip_localizer.evaluation.suites.integrity import (
     wrong_start,
 )
 from gip_localizer.evaluation.suites.runner import jobs, run_all, SUITES
-from gip_localizer.evaluation.suites.single_frame import bounds, LEAST_JUDGED, nees_band, summary
+from gip_localizer.evaluation.suites.single_frame import (
+    condition_bounds,
+    LEAST_JUDGED,
+    nees_band,
+    summary,
+)
 from gip_localizer.evaluation.suites.suite import Bound, Record
 from gip_localizer.evaluation.suites.tables import COLUMNS, format_section
 from gip_localizer.evaluation.suites.trials import Bench, is_wrong, Spread, Trial
@@ -88,14 +93,14 @@ def test_the_band_of_nees_narrows_to_its_freedom():
 
 @pytest.mark.parametrize(('count', 'judged'), [(4, False), (LEAST_JUDGED, True)])
 def test_the_nees_of_few_frames_is_no_bound(count, judged):
-    demands = bounds(CLEAR, summary([published(0.05)] * count))
+    demands = condition_bounds(CLEAR, summary([published(0.05)] * count))
     assert ('mean NEES' in {bound.what for bound in demands if not bound.met}) is judged
 
 
 def test_silence_and_wrong_poses_miss_bounds():
-    silent = bounds(CLEAR, summary([Trial('NO_MATCH')]))
+    silent = condition_bounds(CLEAR, summary([Trial('NO_MATCH')]))
     assert not any(bound.met for bound in silent if 'wrong' not in bound.what)
-    wrong = bounds(CLEAR, summary([published(0.7)]))
+    wrong = condition_bounds(CLEAR, summary([published(0.7)]))
     assert 'wrong poses published' in {bound.what for bound in wrong if not bound.met}
 
 
@@ -136,7 +141,7 @@ def test_separation_counts_right_matches_below_the_wrong():
 def test_repeated_ground_is_the_same_a_period_on_and_a_lane_all_along():
     world = tiles_world(seed=1, size=(12.0, 9.0), resolution=0.025)
     cells = round(PERIOD_M / 0.025)
-    grey = repeated(world).raster.grey
+    grey = repeated_ground(world).raster.grey
     np.testing.assert_array_equal(grey[:, cells:], grey[:, :-cells])
     np.testing.assert_array_equal(grey[cells:], grey[:-cells])
     assert grey.std() > 0.1

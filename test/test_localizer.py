@@ -16,7 +16,7 @@ from gip_localizer.core.camera.extrinsics import Extrinsics
 from gip_localizer.core.estimate import Estimate, Status
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.map.resampling import scaled
+from gip_localizer.core.map.resampling import on_unit_scale
 from gip_localizer.core.pose import difference, Pose2
 from gip_localizer.core.track.odometry import OdometrySample
 from gip_localizer.parameters import Parameters
@@ -324,7 +324,8 @@ def test_an_image_that_is_none_of_the_camera_is_told_and_harms_nothing(road, fra
 def test_a_map_that_tells_its_noise_is_known_all_the_same(road, frame, sigma):
     noise = np.full(road.map.grey.shape, sigma, np.float32)
     off = np.random.default_rng(1).normal(0.0, sigma, noise.shape).astype(np.float32)
-    noisy = replace(road.map, grey=np.clip(scaled(road.map.grey) + off, 0.0, 1.0), noise=noise)
+    grey = np.clip(on_unit_scale(road.map.grey) + off, 0.0, 1.0)
+    noisy = replace(road.map, grey=grey, noise=noise)
     localizer = Localizer(noisy, make(road).parameters)
     localizer.set_prior(0, frame[0], CERTAIN)
     estimate = localizer.update(S, frame[1], CAMERA)

@@ -16,8 +16,8 @@ from gip_localizer.core.protection import PROTECTION, protection_level
 from gip_localizer.core.protection_terms import TAILS
 from gip_localizer.evaluation.protection_fit import bounding_tail
 from gip_localizer.evaluation.suites.protection import (
-    bounds,
     misleading,
+    misleading_bounds,
     notes,
     stanford_diagram,
 )
@@ -71,8 +71,8 @@ def trial(error, sigma=1e-3):
 def test_poses_beyond_their_level_are_counted_as_misleading():
     trials = [trial(1e-3)] * 98 + [trial(0.5), trial(-0.5)]
     assert misleading(trials, 1e-5).sum() == 2
-    assert [bound.met for bound in bounds('all', trials)] == [False, False, False]
-    assert all(bound.met for bound in bounds('all', trials[:98]))
+    assert [bound.met for bound in misleading_bounds('all', trials)] == [False, False, False]
+    assert all(bound.met for bound in misleading_bounds('all', trials[:98]))
     assert '2 of 100 poses misleading' in notes(trials)[0]
     assert len(stanford_diagram(trials, 1e-5).axes) == 3
 

@@ -25,7 +25,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from gip_localizer.parameters import Parameters
 from gip_localizer.parameters.localizer import dump_parameter_file
 from gip_localizer.ros.conversions import mono8, pose_of
-from gip_localizer.ros.doctor.check import summary
+from gip_localizer.ros.doctor.check import summary_line
 from gip_localizer.ros.doctor.observed import Heard, Observed
 from gip_localizer.ros.doctor.stack import stack_checks
 from gip_localizer.ros.processes import NodeProcesses
@@ -152,7 +152,7 @@ def seen(**changes):
 
 def test_a_stack_without_fault_passes():
     checks = list(stack_checks(seen()))
-    assert summary(checks) == 'all 9 checks passed', [check.lines() for check in checks]
+    assert summary_line(checks) == 'all 9 checks passed', [check.lines() for check in checks]
 
 
 GAPS = [NOW + k * S // 10 for k in range(40) if k % 10 not in (3, 4)]

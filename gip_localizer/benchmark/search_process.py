@@ -85,7 +85,7 @@ def window_suite(scene: Scene, window: Window, frames: int, judged: int, seed: i
     return {'times': times, 'same': same, 'frames': frames, 'judged': min(judged, frames)}
 
 
-def noise_suite(scene: Scene, frames: int) -> list[Result]:
+def count_noise_misses(scene: Scene, frames: int) -> list[Result]:
     """Count the frames on which each search misses the truth at low SNR."""
     counts = []
     for noise in NOISES:
@@ -181,7 +181,7 @@ def main(arguments: list[str]) -> int:
     if suite in WINDOWS:
         found |= window_suite(scene, WINDOWS[suite], frames, judged, seed)
     elif suite == 'noise':
-        found['noise'] = noise_suite(scene, frames)
+        found['noise'] = count_noise_misses(scene, frames)
     elif suite == 'growth':
         found['growth'] = growth_suite(scene)
     else:

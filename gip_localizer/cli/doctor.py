@@ -56,7 +56,7 @@ def add_parser(verbs: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Make the checks, print each as it is done, and return 0 if all are passed."""
-    from gip_localizer.ros.doctor.check import summary
+    from gip_localizer.ros.doctor.check import summary_line
 
     # A plain `kill` must end the children too, as Ctrl-C does.
     for request in (signal.SIGTERM, signal.SIGHUP):
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         for check in _stack(args) if args.topics else _machine(args):
             print(check.lines(), flush=True)
             checks.append(check)
-    print(summary(checks))
+    print(summary_line(checks))
     return 0 if all(check.passed for check in checks) else 1
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.map.resampling import scaled
+from gip_localizer.core.map.resampling import on_unit_scale
 from gip_localizer.evaluation.metrics import TableRow
 from gip_localizer.mapping.mapped_drive import MappedDrive
 from gip_localizer.mapping.pose_check import LEAST_PAIRS, PoseCheckResult
@@ -43,7 +43,7 @@ def map_rows(drive: MappedDrive, raster_map: RasterMap) -> list[TableRow]:
     low_x, low_y, high_x, high_y = raster_map.bounds
     gains = [exposure.gain for exposure in drive.builder.exposures]
     corner = float(drive.camera.vignetting.lift(np.array(1.0)))
-    median_noise = np.median(scaled(noise[valid]))
+    median_noise = np.median(on_unit_scale(noise[valid]))
     return [
         TableRow('frames used', str(drive.builder.frames), ''),
         *(TableRow(f'frames skipped: {kind}', str(count), drive.first[kind])

@@ -20,7 +20,7 @@ WHITE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0, np.dtype(np.fl
 PIECE = 4096
 
 
-def median(values: Floats) -> float:
+def upper_median(values: Floats) -> float:
     """Return the upper median of at least one value without NaN; NumPy's takes twice as long."""
     middle = values.size // 2
     return float(np.partition(values, middle, axis=None)[middle])

@@ -60,7 +60,7 @@ class Constant:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class ConditionFrames:
     """Images of one condition, their true poses and their starts."""
 
     bench: Bench
@@ -160,11 +160,11 @@ def scaled(value: Value, factor: float) -> Value:
     return value * factor
 
 
-def _scene(bench: Bench) -> Scene:
-    return Scene(bench, [bench.scene(index, Spread()) for index in range(FRAMES)])
+def _scene(bench: Bench) -> ConditionFrames:
+    return ConditionFrames(bench, [bench.scene(index, Spread()) for index in range(FRAMES)])
 
 
-def _figures(scenes: list[Scene]) -> Figures:
+def _figures(scenes: list[ConditionFrames]) -> Figures:
     trials = []
     for scene in scenes:
         scene.bench.renew()
@@ -179,7 +179,7 @@ def _figures(scenes: list[Scene]) -> Figures:
     )
 
 
-def _figures_with(constant: Constant, factor: float, scenes: list[Scene]) -> Figures:
+def _figures_with(constant: Constant, factor: float, scenes: list[ConditionFrames]) -> Figures:
     """Return the figures with a constant times a factor, in all modules that import it."""
     modules = [
         module for name, module in sorted(sys.modules.items())

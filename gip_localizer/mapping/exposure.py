@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gip_localizer.core.arrays import Bools, Floats, median
+from gip_localizer.core.arrays import Bools, Floats, upper_median
 
 LEAST_CELLS = 20
 """Least number of common cells (or blocks) for a fit; chosen."""
@@ -64,7 +64,7 @@ def fit_exposure(
     for _ in range(PASSES):
         found = _line(value, reference, noise_sq, (beyond, kept))
         residual = value - found.gain * reference - found.offset
-        spread = 1.4826 * median(np.abs(residual))
+        spread = 1.4826 * upper_median(np.abs(residual))
         kept = np.abs(residual) <= OUTLIER * max(spread, 1e-6)
         beyond = 0.5 * max(spread**2 - float(np.median(noise_sq[0] + noise_sq[1])), 0.0)
     return found

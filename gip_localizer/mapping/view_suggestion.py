@@ -21,7 +21,7 @@ from gip_localizer.core.birdseye.view_choice import choose_view
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.gramian import gramian
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.map.resampling import scaled
+from gip_localizer.core.map.resampling import on_unit_scale
 from gip_localizer.parameters import Birdseye, Score
 from gip_localizer.visualization.style import STYLE, WRONG
 
@@ -100,7 +100,7 @@ def _sigma(view: Birdseye, area: Floats, raster_map: RasterMap, score: Score) ->
 def _squared_slope(raster_map: RasterMap, side: float) -> float:
     """Return the mean squared slope of the map on cells of a side (m), 1/m²."""
     known = np.ones(raster_map.grey.shape, bool) if raster_map.valid is None else raster_map.valid
-    grey = scaled(raster_map.grey).astype(np.float32)
+    grey = on_unit_scale(raster_map.grey).astype(np.float32)
     count = max(round(side / raster_map.resolution), 1)
     down, right = np.gradient(cv2.blur(grey, (count, count)), raster_map.resolution)
     whole = cv2.erode(known.astype(np.uint8), np.ones((count + 2, count + 2), np.uint8)) > 0

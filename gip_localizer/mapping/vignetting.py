@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gip_localizer.core.arrays import Bools, Floats, median
+from gip_localizer.core.arrays import Bools, Floats, upper_median
 
 PASSES = 4
 """Number of iterations of the robust fit; chosen."""
@@ -115,5 +115,5 @@ def _reweighted(pair: CommonCells, keep: Bools, gain: float, found: Floats) -> t
     root = np.sqrt(pair.weight[keep])
     line = np.linalg.lstsq(exposure[keep] * root[:, None], target[keep] * root, rcond=None)[0]
     residual = np.abs(target - exposure @ line)
-    agree = residual <= OUTLIER * max(1.4826 * median(residual), 1e-6)
+    agree = residual <= OUTLIER * max(1.4826 * upper_median(residual), 1e-6)
     return float(np.clip(line[0], 0.2, 5.0)), agree

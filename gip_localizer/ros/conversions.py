@@ -24,7 +24,7 @@ from std_msgs.msg import Header
 
 from gip_localizer.core.camera.calibration import Calibration
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.map.resampling import scaled
+from gip_localizer.core.map.resampling import on_unit_scale
 from gip_localizer.core.pose import Pose2
 from gip_localizer.io.messages import full_covariance
 from gip_localizer.session.attitude import Tilt
@@ -174,7 +174,7 @@ def _occupancy(raster_map: RasterMap, factor: int) -> NDArray[np.int8]:
         part = (slice(top + strip.start * factor, top + strip.stop * factor),
                 slice(0, cols * factor))
         valid = None if raster_map.valid is None else raster_map.valid[part]
-        grey = scaled(raster_map.grey[part])
+        grey = on_unit_scale(raster_map.grey[part])
         cells[strip] = _occupancy_of(grey, valid, (cols, strip.stop - strip.start))
     raster_map.release()
     return cells

@@ -21,7 +21,7 @@ from scipy.ndimage import map_coordinates
 from gip_localizer.core.camera.extrinsics import Extrinsics
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.map.resampling import scaled
+from gip_localizer.core.map.resampling import on_unit_scale
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import MapError
 from gip_localizer.synthetic.pixel_grid import PixelGrid
@@ -222,7 +222,7 @@ def _upper_pixels(grid: PixelGrid, camera: CameraModel) -> tuple[NDArray[np.int6
 
 def _filled(world: RasterMap) -> Floats32:
     """Return the world's reflectance in [0, 1], plain grey where there is no data."""
-    grey = scaled(world.grey)
+    grey = on_unit_scale(world.grey)
     if world.valid is None:
         return grey
     return np.where(world.valid, grey, np.float32(OFF_MAP))

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.map.resampling import scaled
+from gip_localizer.core.map.resampling import on_unit_scale
 from gip_localizer.core.pose import Pose2
 from gip_localizer.errors import MapError
 from gip_localizer.synthetic.paths import Path, rectangle_loop
@@ -97,7 +97,7 @@ def map_of(world: RasterMap, factor: int) -> RasterMap:
         )
     top = world.grey.shape[0] - rows * factor
     part = (slice(top, None), slice(0, cols * factor))
-    grey = scaled(world.grey[part])
+    grey = on_unit_scale(world.grey[part])
     mean = np.asarray(cv2.resize(grey, (cols, rows), interpolation=cv2.INTER_AREA), np.float32)
     valid = None
     if world.valid is not None:

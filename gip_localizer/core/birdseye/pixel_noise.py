@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gip_localizer.core.arrays import Grey, median, WHITE
+from gip_localizer.core.arrays import Grey, upper_median, WHITE
 from gip_localizer.core.gramian import NOISE_FLOOR
 
 # Number of bands of three rows, spread over the image, in which the noise is measured (design
@@ -37,7 +37,7 @@ def estimate_pixel_noise(image: Grey) -> float:
     above, middle, below = _bands(image)
     down = above - 2 * middle + below
     response = np.abs(down[:, :-2] - 2 * down[:, 1:-1] + down[:, 2:])
-    usual = _integer_median(response) if image.dtype == np.uint8 else median(response)
+    usual = _integer_median(response) if image.dtype == np.uint8 else upper_median(response)
     # a Gaussian's median absolute value is 0.6745 σ, and the mask's gain is 6
     sigma = usual / (0.6745 * 6.0) / WHITE.get(image.dtype, 1.0)
     return max(sigma, NOISE_FLOOR)
@@ -53,6 +53,6 @@ def _bands(image: Grey) -> tuple[Grey, Grey, Grey]:
 
 
 def _integer_median(values: Grey) -> float:
-    """Upper median of integers from 0 on, as `median` gives it, by counting them."""
+    """Upper median of integers from 0 on, as `upper_median` gives it, by counting them."""
     counts = np.cumsum(np.bincount(values.ravel()))
     return float(np.searchsorted(counts, values.size // 2, side='right'))

@@ -94,7 +94,7 @@ class PlaneArray:
         self.c = Planes(first, plane // cell, row // cell)
 
 
-def kernels() -> ctypes.CDLL:
+def loaded_library() -> ctypes.CDLL:
     """Return the library, which is `AVAILABLE`."""
     if _LIBRARY is None:
         raise RuntimeError('the compiled loops are not available; check AVAILABLE first')

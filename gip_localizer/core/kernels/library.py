@@ -29,7 +29,7 @@ from gip_localizer.core.kernels.binding import (
     ADDRESS,
     address,
     Compared,
-    kernels,
+    loaded_library,
     PlaneArray,
     Planes,
     row_address,
@@ -107,7 +107,7 @@ class TurnedComparison:
         require_shape('sums', sums.shape, (yaws, self._terms, *sums.shape[2:]))
         (x, y), (n_x, n_y) = start, sums.shape[2:]
         check_translations(start, (n_x, n_y), shape[1:], fields.array.shape[1:])
-        kernels().compare_turned(
+        loaded_library().compare_turned(
             self._c, yaws, address('affines', affines, np.float64),
             address('turned', turned, np.uint8),
             (Planes * yaws)(*(buffer.c for buffer in buffers)), *shape[1:],
@@ -133,7 +133,7 @@ def turn_little(planes: PlaneArray, affine: Floats, out: Floats) -> None:
     target = PlaneArray(out)
     require_shape('affine', affine.shape, (2, 3))
     require_shape('out', out.shape, (len(planes.array), *out.shape[1:]))
-    kernels().turn_little(
+    loaded_library().turn_little(
         planes.c, *planes.array.shape[1:], address('affine', affine, np.float64), target.c,
         *out.shape,
     )
@@ -173,7 +173,7 @@ def footprint_means(
     require_shape('means', means.shape, cells.shape)
     first = row_address('image', image, np.uint8, 2)
     check_footprints(image, starts, cells, len(means), block=BLOCK)
-    kernels().footprint_means(
+    loaded_library().footprint_means(
         first, len(cells_of_group), address('cells_of_group', cells_of_group, np.int32),
         address('blocks_per_cell', blocks_per_cell, np.int32),
         address('starts', starts, np.int32), address('weights', weights, np.uint8),
@@ -215,7 +215,7 @@ def average_cells(
     check_averaging(values.shape, len(taps), factor, shape)
     out = np.empty(shape, np.float32)
     buffer = np.empty(2 * (factor * (shape[1] - 1) + len(taps)), np.float32)
-    kernels().join_cells(
+    loaded_library().join_cells(
         first, values.strides[0] // values.itemsize, *values.shape, *corner,
         address('taps', taps, np.float32), len(taps), factor, replicate,
         address('buffer', buffer, np.float32), address('out', out, np.float32), *shape,
@@ -229,7 +229,7 @@ def pair_planes(pair: Floats, plane: Grey) -> None:
     require_shape('pair', pair.shape, (2, *pair.shape[1:]))
     _, rows, cols = pair.shape
     check_pair_fits(pair.shape, plane.shape)
-    kernels().pair_planes(
+    loaded_library().pair_planes(
         source.c, rows, cols, address('plane', plane, np.complex64), 2 * plane.shape[1]
     )
 
@@ -242,6 +242,6 @@ def sum_complex_products(pairs: Sequence[tuple[Grey, Grey]], out: Grey) -> None:
         (ADDRESS * len(pairs))(*(address('factor', array, np.complex64) for array in arrays))
         for arrays in zip(*pairs, strict=True)
     )
-    kernels().sum_complex_products(
+    loaded_library().sum_complex_products(
         left, right, len(pairs), out.size, address('out', out, np.complex64)
     )

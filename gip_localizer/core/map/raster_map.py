@@ -28,7 +28,7 @@ from gip_localizer.core.map.resampling import (
     averaged_noise,
     contrast,
     downsampled_known,
-    scaled,
+    on_unit_scale,
     smoothed,
 )
 from gip_localizer.core.pose import Pose2
@@ -175,7 +175,7 @@ class RasterMap:
         """Return the part in a range of cells (`cell_range`), as `crop` does."""
         step = averaged_per_side(cell / self.resolution)
         part = (slice(cells.row, cells.row_end), slice(cells.col, cells.col_end))
-        values = scaled(self.grey[part])
+        values = on_unit_scale(self.grey[part])
         valid = None if self.valid is None else np.asarray(self.valid[part])
         if valid is not None and valid.all():
             valid = None

@@ -32,7 +32,7 @@ def all_finite(values: Grey) -> bool:
     return bool(np.isfinite(values.min()) and np.isfinite(values.max()))
 
 
-def scaled(grey: Grey) -> Floats:
+def on_unit_scale(grey: Grey) -> Floats:
     """Grey on its full scale, (rows, cols) float32 in [0, 1]."""
     return np.asarray(np.asarray(grey, np.float32) / np.float32(WHITE[grey.dtype]))
 
@@ -60,7 +60,7 @@ def downsampled_known(
 def contrast(grey: Grey, valid: Bools | None) -> float:
     """Standard deviation of the grey ([0, 1]) of known cells, from about `SAMPLED` of them."""
     step = max(int(math.sqrt(grey.size / SAMPLED)), 1)
-    values = scaled(grey[::step, ::step])
+    values = on_unit_scale(grey[::step, ::step])
     if valid is not None:
         values = values[valid[::step, ::step]]
     return float(values.std()) if values.size else 0.0
@@ -68,7 +68,7 @@ def contrast(grey: Grey, valid: Bools | None) -> float:
 
 def averaged_noise(noise: Grey, step: int, ratio: float) -> Floats:
     """Noise (float32) of means over `step` and then `ratio` cells a side that err on their own."""
-    sigma = scaled(noise)
+    sigma = on_unit_scale(noise)
     if step > 1:
         shape = noise.shape[0] // step, noise.shape[1] // step
         squares = downsampled(sigma**2, step, shape)

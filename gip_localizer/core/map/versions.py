@@ -13,8 +13,8 @@ from gip_localizer.core.map.resampling import (
     averaged_noise,
     blurred,
     doubled,
+    on_unit_scale,
     repeated,
-    scaled,
     slopes,
     smoothed,
 )
@@ -33,7 +33,7 @@ def smoothed_map(raster_map: RasterMap, cell: float, before: float) -> RasterMap
 
     """
     ratio, done = (max(side / raster_map.resolution, 1.0) for side in (cell, before))
-    values, valid = smoothed(scaled(raster_map.grey), raster_map.valid, ratio, done)
+    values, valid = smoothed(on_unit_scale(raster_map.grey), raster_map.valid, ratio, done)
     noise = None if raster_map.noise is None else averaged_noise(raster_map.noise, 1, ratio / done)
     return RasterMap(values, raster_map.resolution, raster_map.origin, valid, noise)
 
@@ -74,5 +74,5 @@ def doubled_map(raster_map: RasterMap) -> RasterMap:
         whole = cv2.erode(raster_map.valid.astype(np.uint8), np.ones((3, 3), np.uint8))
         valid = repeated(whole > 0)
     noise = None if raster_map.noise is None else repeated(raster_map.noise)
-    values = doubled(scaled(raster_map.grey))
+    values = doubled(on_unit_scale(raster_map.grey))
     return RasterMap(values, 0.5 * raster_map.resolution, raster_map.origin, valid, noise)

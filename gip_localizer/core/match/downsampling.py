@@ -16,7 +16,7 @@ import math
 import cv2
 import numpy as np
 
-from gip_localizer.core.arrays import Floats, median
+from gip_localizer.core.arrays import Floats, upper_median
 from gip_localizer.core.birdseye.grid import Grid
 from gip_localizer.core.birdseye.rectifier import View
 from gip_localizer.core.cell_means import downsampled
@@ -89,7 +89,7 @@ def locally_centred(
     counted = np.abs(centred[known > 0.0])
     if counted.size == 0:
         return np.asarray(centred)
-    limit = np.float32(max(clip * median(counted) / 0.6745, 1e-6))
+    limit = np.float32(max(clip * upper_median(counted) / 0.6745, 1e-6))
     return np.asarray(np.clip(centred, -limit, limit))
 
 

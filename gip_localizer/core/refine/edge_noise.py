@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gip_localizer.core.arrays import Floats, median
+from gip_localizer.core.arrays import Floats, upper_median
 from gip_localizer.core.camera.model import CameraModel
 
 # Step (m) of the central differences of the projection (design choice: 1 mm, because rounding and
@@ -84,4 +84,4 @@ def edge_share(residual: Floats, weights: Floats, changes: Floats) -> float:
         return 0.0
     per_pixel, variance = changes.take(strong), 1.0 / weights.take(strong)
     excess = np.maximum(residual.take(strong) ** 2 - variance, 0.0)
-    return min(median(excess / per_pixel) / CHI_SQ_MEDIAN, MAX_EDGE_SHARE)
+    return min(upper_median(excess / per_pixel) / CHI_SQ_MEDIAN, MAX_EDGE_SHARE)

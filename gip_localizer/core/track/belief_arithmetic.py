@@ -35,7 +35,7 @@ def excess_share(length: float, limit: float) -> float:
     return max(1.0 - limit / length, 0.0) if length > 0.0 else 0.0
 
 
-def scaled(motion: Pose2, factor: float) -> Pose2:
+def scaled_motion(motion: Pose2, factor: float) -> Pose2:
     """Return a motion at a constant velocity that takes `factor` times as long."""
     return Pose2(motion.x * factor, motion.y * factor, motion.yaw * factor)
 

@@ -19,7 +19,7 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.belief import Belief
 from gip_localizer.core.pose import Pose2
-from gip_localizer.core.track.belief_arithmetic import scaled
+from gip_localizer.core.track.belief_arithmetic import scaled_motion
 from gip_localizer.core.track.odometry import MAX_TURN, OdometryBuffer
 from gip_localizer.core.track.odometry_check import (
     MAX_ACCELERATION,
@@ -65,7 +65,7 @@ class FilterState:
         velocity, fix = self.velocity, self.last_fix
         if velocity is None or fix is None or (now_ns - fix.stamp_ns) * 1e-9 >= VELOCITY_AGE_S:
             return None
-        return scaled(velocity, elapsed)
+        return scaled_motion(velocity, elapsed)
 
 
 class MotionModel:

@@ -17,7 +17,13 @@ import numpy as np
 
 from gip_localizer.core.belief import Belief
 from gip_localizer.core.pose import difference, Pose2
-from gip_localizer.core.track.belief_arithmetic import agree, excess_share, fused, moved, scaled
+from gip_localizer.core.track.belief_arithmetic import (
+    agree,
+    excess_share,
+    fused,
+    moved,
+    scaled_motion,
+)
 from gip_localizer.core.track.motion_model import (
     FilterState,
     MotionModel,
@@ -208,7 +214,7 @@ class PoseFilter:
         last, velocity = self.known.last_fix, self.known.velocity
         elapsed = 0.0 if last is None else (fix.stamp_ns - last.stamp_ns) * 1e-9
         if last is not None and 0.0 < elapsed < VELOCITY_AGE_S:
-            measured = scaled(last.pose.inverse() @ fix.pose, 1.0 / elapsed)
+            measured = scaled_motion(last.pose.inverse() @ fix.pose, 1.0 / elapsed)
             if math.hypot(measured.x, measured.y) <= self._model.noise.max_speed:
                 velocity = measured
         since = self.known.compared_since

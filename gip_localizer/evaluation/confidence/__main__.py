@@ -54,8 +54,8 @@ def main(words: list[str] | None = None) -> int:
 def _make_trials() -> None:
     use_one_thread()
     made: list[trials.ConfidenceTrial] = []
-    for world, setup in trials.jobs():
-        made += trials.make(setup, world)
+    for world, setup in trials.trial_jobs():
+        made += trials.make_trials(setup, world)
         sys.stdout.write(f'{world} {setup.name}: {len(made)} matches\n')
         sys.stdout.flush()
     trials.write(trials.KEPT, made)

@@ -89,7 +89,7 @@ class ConfidenceTrial:
     figures: dict[str, float]
 
 
-def jobs() -> list[tuple[int, Setup]]:
+def trial_jobs() -> list[tuple[int, Setup]]:
     """Return what is tried: worlds and setups."""
     hard, easy = _hard(), _easy()
     return [(world, setup) for world in WORLDS for setup in (*easy, *hard)] + [
@@ -136,7 +136,7 @@ def _far(setup: Setup) -> Setup:
     )
 
 
-def make(setup: Setup, world: int) -> Iterator[ConfidenceTrial]:
+def make_trials(setup: Setup, world: int) -> Iterator[ConfidenceTrial]:
     """Yield the trials of a part in a world that found a match, right or wrong."""
     bench = Bench(setup, world, {})
     for index in range(FRAMES):

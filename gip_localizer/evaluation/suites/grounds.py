@@ -12,7 +12,7 @@ import numpy as np
 
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.map.resampling import scaled
+from gip_localizer.core.map.resampling import on_unit_scale
 from gip_localizer.core.pose import Pose2
 from gip_localizer.synthetic.paths import Path
 from gip_localizer.synthetic.worlds import World
@@ -36,7 +36,7 @@ NOISE_PATCH_M = 0.1
 def poor(world: World) -> World:
     """Return the world with paint on asphalt without texture: no grain, cracks or patches."""
     raster = world.raster
-    grey = scaled(raster.grey)
+    grey = on_unit_scale(raster.grey)
     painted = cv2.dilate((grey > PAINT).astype(np.float32), np.ones((3, 3)))
     bare = np.float32(1.0) - painted
     sigma = POOR_BLUR_M / raster.resolution
@@ -45,7 +45,7 @@ def poor(world: World) -> World:
     return _regrounded(world, np.where(painted > 0.0, grey, smooth))
 
 
-def repeated(world: World) -> World:
+def repeated_ground(world: World) -> World:
     """Return the world whose ground repeats that of its upper left corner."""
     raster = world.raster
     side = round(PERIOD_M / raster.resolution)
@@ -72,7 +72,7 @@ def _regrounded(world: World, grey: Floats) -> World:
 
 
 GROUNDS: dict[str, Callable[[World], World]] = {
-    'as made': lambda world: world, 'poor': poor, 'repeated': repeated, 'lane': lane,
+    'as made': lambda world: world, 'poor': poor, 'repeated': repeated_ground, 'lane': lane,
 }
 """Changes by the names that a `Setup` uses."""
 
@@ -80,7 +80,7 @@ GROUNDS: dict[str, Callable[[World], World]] = {
 def noisy_map(raster: RasterMap, sigma: float, seed: int) -> RasterMap:
     """Return a map with white noise, and with errors that are equal over small patches."""
     rng = np.random.default_rng([seed, 4711])
-    grey = scaled(raster.grey)
+    grey = on_unit_scale(raster.grey)
     white, patchy = rng.normal(0.0, sigma, (2, *grey.shape))
     patchy = cv2.GaussianBlur(patchy, (0, 0), NOISE_PATCH_M / raster.resolution)
     patchy *= sigma / max(float(patchy.std()), 1e-12)

@@ -96,7 +96,7 @@ class IntegritySuite:
         kinds = [(f'any: {kind}', [r for r in records if r.kind == kind]) for kind in WRONG_KINDS]
         rows += [_row(*kind) for kind in kinds]
         trials = [r.trial for r in records]
-        demands += protection.bounds('protection level', trials)
+        demands += protection.misleading_bounds('protection level', trials)
         return Section(self.name, self.title, self.columns, rows, demands, (
             *protection.notes(trials),
             'A start is right if its window holds the truth. A wrong start counts as withheld if '

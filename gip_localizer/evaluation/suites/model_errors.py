@@ -19,7 +19,7 @@ import numpy as np
 from gip_localizer.core.arrays import Floats
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.map.raster_map import RasterMap
-from gip_localizer.core.map.resampling import scaled
+from gip_localizer.core.map.resampling import on_unit_scale
 from gip_localizer.core.pose import Pose2
 from gip_localizer.parameters import Birdseye
 from gip_localizer.synthetic.texture import value_noise
@@ -92,7 +92,7 @@ class Warp:
                                np.arange(rows, dtype=np.float32))
         cells = self._shift / np.float32(self._raster.resolution)
         grey = cv2.remap(
-            scaled(self._raster.grey), col - cells[..., 0], row - cells[..., 1],
+            on_unit_scale(self._raster.grey), col - cells[..., 0], row - cells[..., 1],
             cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE,
         )
         return replace(self._raster, grey=np.clip(np.asarray(grey, np.float32), 0.0, 1.0))

@@ -17,7 +17,7 @@ from gip_localizer import __version__
 from gip_localizer.evaluation.report import figure_uri, template
 from gip_localizer.evaluation.suites.figures import charts
 from gip_localizer.evaluation.suites.suite import Record, Section
-from gip_localizer.evaluation.suites.tables import COLUMNS, plain, record_rows, text, totals
+from gip_localizer.evaluation.suites.tables import COLUMNS, record_rows, section_data, text, totals
 from gip_localizer.io.output_folder import fresh_folder
 from gip_localizer.parameters import Parameters
 from gip_localizer.visualization.style import STYLE
@@ -81,7 +81,7 @@ def _write_json(path: Path, found: Evaluation) -> None:
         **found.settings,
         **totals(found.records),
         'missed': found.missed,
-        'suites': {section.name: plain(section) for section in found.sections},
+        'suites': {section.name: section_data(section) for section in found.sections},
     }
     path.write_text(json.dumps(content, indent=1, allow_nan=False) + '\n', encoding='utf-8')
 

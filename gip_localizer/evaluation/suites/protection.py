@@ -67,7 +67,7 @@ def notes(trials: Sequence[Trial]) -> list[str]:
     return found
 
 
-def bounds(row: str, trials: Sequence[Trial]) -> list[Bound]:
+def misleading_bounds(row: str, trials: Sequence[Trial]) -> list[Bound]:
     """Return per risk the bound on the number of misleading poses that chance explains."""
     found = []
     for risk in RISKS:

@@ -80,7 +80,7 @@ def nees_band(count: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def bounds(condition: Condition, found: Summary) -> list[Bound]:
+def condition_bounds(condition: Condition, found: Summary) -> list[Bound]:
     """Return the bounds of a condition."""
     low, high = nees_band(found.published)
     if not condition.model_holds:
@@ -133,7 +133,7 @@ class SingleFrame:
         for condition in CONDITIONS:
             found = summary([r.trial for r in of_part(records, condition.name)])
             rows.append(_row(condition, found))
-            demands += bounds(condition, found)
+            demands += condition_bounds(condition, found)
         return Section(self.name, self.title, self.columns, rows, demands, (
             'NEES: mean normalised squared error of the published poses, 3 degrees of freedom. If '
             'the covariances are true, it lies in the band with a probability of 95 %. '

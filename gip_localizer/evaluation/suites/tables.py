@@ -67,7 +67,7 @@ def _number(value: float | None) -> str:
     return '' if value is None or not math.isfinite(value) else f'{value:.9g}'
 
 
-def plain(section: Section) -> dict[str, Any]:
+def section_data(section: Section) -> dict[str, Any]:
     """Return a section as data for JSON."""
     return {
         'title': section.title,

@@ -112,7 +112,7 @@ def is_wrong(error: Floats) -> bool:
     return bool(xy > DEFAULT_BOUNDS.xy_m or yaw_deg > DEFAULT_BOUNDS.yaw_deg)
 
 
-def localizer_parameters(
+def bench_parameters(
     setup: Setup, drive: SyntheticDrive, overrides: Mapping[str, Value]
 ) -> Parameters:
     """Return the parameters of the localizer for the camera of a setup, whose yaw is exact."""
@@ -159,7 +159,7 @@ class Bench:
             self._warp = Warp(self.raster_map, setup.map_warp, seed)
             self.raster_map = self._warp.warped()
         self.camera = setup.miscalibration.of(self.drive.camera)
-        self.parameters = localizer_parameters(setup, self.drive, overrides)
+        self.parameters = bench_parameters(setup, self.drive, overrides)
         self._localizer: Localizer | None = None
         self._stamp_ns = 0
 

@@ -19,7 +19,7 @@ from rosbags.serde import SerdeError
 from zstandard import ZstdError
 
 from gip_localizer.errors import BagError, shortened
-from gip_localizer.io.bags.compression import is_compressed, plain, storage_suffix
+from gip_localizer.io.bags.compression import is_compressed, storage_suffix, uncompressed
 from gip_localizer.io.bags.log_times import drive_times
 from gip_localizer.io.bags.source import BagMessage, END, Source, Topic
 from gip_localizer.io.bags.sources import open_source
@@ -97,7 +97,7 @@ class Bag:
     def _plain(self, message: BagMessage) -> bytes | None:
         """Return the uncompressed bytes of a message; None, and a note, if they are damaged."""
         try:
-            return plain(message.raw)
+            return uncompressed(message.raw)
         except (ZstdError, MemoryError) as error:
             self._note_skipped(message.topic, error)
             return None

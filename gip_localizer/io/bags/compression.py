@@ -66,7 +66,7 @@ class PlainCopy:
             ) from None
 
 
-def plain(raw: bytes) -> bytes:
+def uncompressed(raw: bytes) -> bytes:
     """Return the uncompressed bytes of a message (raises ZstdError)."""
     if raw[:4] != MAGIC:
         return raw

@@ -110,7 +110,7 @@ class BagWriter:
         for topic, msgtype in self._topics.items():
             self._connections[topic] = self._writer.add_connection(
                 topic, msgtype, typestore=jazzy(),
-                offered_qos_profiles=[offered_qos(latched=topic in self._latched)],
+                offered_qos_profiles=[qos_of_topic(latched=topic in self._latched)],
             )
         return self
 
@@ -125,7 +125,7 @@ class BagWriter:
         self._writer.write(self._connections[topic], log_ns, raw)
 
 
-def offered_qos(*, latched: bool) -> Qos:
+def qos_of_topic(*, latched: bool) -> Qos:
     """Return the quality of service of a topic: reliable, and kept for late readers if latched."""
     unset = QosTime(0, 0)
     return Qos(

@@ -39,7 +39,7 @@ class Check:
         return line if self.passed else f'{line}\n      remedy: {self.remedy}'
 
 
-def summary(checks: Sequence[Check]) -> str:
+def summary_line(checks: Sequence[Check]) -> str:
     """Return the last line of a report."""
     failed = [check.name for check in checks if not check.passed]
     if not failed:
