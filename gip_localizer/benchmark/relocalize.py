@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-The suite relocalize: from nothing to the first judged place, through `Localizer`.
+The suite relocalize: search of the whole map without a prior, by `Localizer`.
 
 Each area is measured in a process of its own, which prints one JSON object.
 
@@ -31,7 +31,7 @@ AREAS = {'1 ha': 100.0}
 FRAME_NS = 10**10
 """Time between two frames, nanoseconds; chosen: ten seconds."""
 RIGHT_M, RIGHT_YAW = 0.5, math.radians(2.0)
-"""What a judged place may be off, as in `gip evaluate`."""
+"""Largest errors (m, rad) of a right place: the bounds of `gip evaluate`."""
 
 
 def relocalize_suite(frames: int) -> tuple[list[Row], dict[str, Any]]:

@@ -162,7 +162,7 @@ def _with_progress(drive: MappedDrive, settings: MapBuilderSettings, bag: Bag,
 
 
 def _check_poses(args: argparse.Namespace, check: PoseCheck) -> PoseCheckResult | None:
-    """Return the comparison of the poses with the frames; None if it is not wanted."""
+    """Return the comparison of the poses with the frames; None if it is not requested."""
     from gip_localizer.cli.progress import progress
 
     if args.no_pose_check:

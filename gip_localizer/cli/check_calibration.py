@@ -28,7 +28,7 @@ def add_parser(verbs: Any) -> None:
         'check-calibration',
         help='draw the road plane over a frame, and measure the pitch error from lane lines',
         description='Draw the road plane over a frame of a bag, and measure from lane lines how '
-                    'far the pitch of the camera is off.',
+                    'large the error of the camera pitch is.',
     )
     parser.add_argument('bag', type=user_path, nargs='+', metavar='BAG',
                         help='drive that includes a straight road with two lane lines')

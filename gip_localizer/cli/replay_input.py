@@ -100,8 +100,8 @@ def open_input(args: argparse.Namespace, paths: Sequence[Path]) -> ReplayInput:
     topics = _left_out(args, topics)
     start = _start(args, bag, topics, truth)
     parameters, said = mounted(bag, topics, _parameters(args, paths, base, start))
-    doubt = start_note(parameters.initial_pose, bag, topics, truth, window)
-    notes += [*said, *unused_at_the_desk(parameters), *([doubt] if doubt else [])]
+    warning = start_note(parameters.initial_pose, bag, topics, truth, window)
+    notes += [*said, *unused_at_the_desk(parameters), *([warning] if warning else [])]
     sources = _sources(args, paths, topics, file)
     return ReplayInput(bag, topics, truth, window, parameters, sources, notes)
 

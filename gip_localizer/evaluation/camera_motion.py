@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
 """
-Mean pitch, roll, height and gain over a drive, and the calibration that they point to.
+Mean pitch, roll, height and gain over a drive, and the calibration that they indicate.
 
 Every match estimates how far the camera is from its calibrated mounting pose. A suspension moves
 it about a mean of zero; a mean that differs from zero is an error of the calibration.

@@ -48,7 +48,7 @@ def desk_reason(estimate: FrameResult) -> str:
 
 
 def no_pose_advice(estimates: Sequence[FrameResult]) -> str:
-    """Return what to try if no frame gave a pose, in one sentence; '' if one did or none came."""
+    """Return what to try if there were frames but no pose, in one sentence; '' otherwise."""
     if not estimates or any(estimate.pose is not None for estimate in estimates):
         return ''
     words = Counter(status_word(estimate) for estimate in estimates)

@@ -94,10 +94,10 @@ class Replay:
             self._dispatch.relocalize()
         self._worst = WorstFrames(self.truth, self.raster_map)
         self._warnings: dict[str, tuple[int, str]] = {}
-        doubt = rectified_warning(
+        warning = rectified_warning(
             self.topics.image.name, rectified=self.parameters.camera.rectified
         )
-        self._notes: list[str] = [doubt] if doubt else []
+        self._notes: list[str] = [warning] if warning else []
         self._seconds = 0.0
         self._complete = False
 
@@ -205,9 +205,9 @@ class Replay:
     def _unusable(self) -> list[str]:
         counts = self._dispatch.frontend.counts
         return [
-            f'{concern}: {counts.get(f"{concern}_refused", 0)} of {counts.get(concern, 0)} '
+            f'{topic}: {counts.get(f"{topic}_refused", 0)} of {counts.get(topic, 0)} '
             f'messages refused, first reason: {reason}'
-            for concern, reason in self._dispatch.first_complaints.items()
+            for topic, reason in self._dispatch.first_complaints.items()
         ] + [
             f'{rule} in {times} of {len(self.estimates)} frames, first: {detail}'
             for rule, (times, detail) in self._warnings.items()

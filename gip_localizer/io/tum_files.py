@@ -4,7 +4,7 @@
 TUM files of trajectories.
 
 A line is `stamp x y z qx qy qz qw`: seconds, metres, a unit quaternion. Stamps are read and
-written as decimal text, so that nanoseconds survive.
+written as decimal text, so that nanoseconds are kept exactly.
 
 """
 

@@ -45,7 +45,7 @@ class Parameters(ParameterGroup):
 
     map_file: str = p('', 'Map: a nav2 map_server YAML file; another one may be set while the '
                       'node runs, and is refused where it cannot be read.')
-    map_keeps_pose: bool = p(True, 'What becomes of the pose when map_file changes. True: it is '
+    map_keeps_pose: bool = p(True, 'The pose when map_file changes. True: it is '
                              'carried over (same frame); false: the node starts anew.')
     mask_file: str = p(
         '', 'Image of the camera\'s size, black where it sees its own vehicle.', read_only=True

@@ -149,9 +149,9 @@ class ManagedLocalizerNode(LifecycleNode):
 
 def _make() -> Node:
     """Build the node of the kind that the parameter `lifecycle` selects."""
-    probe = Node(NAME, enable_rosout=False, start_parameter_services=False)
-    asked = given_at_start(probe).get('lifecycle')
-    probe.destroy_node()
+    temporary = Node(NAME, enable_rosout=False, start_parameter_services=False)
+    asked = given_at_start(temporary).get('lifecycle')
+    temporary.destroy_node()
     managed = asked is not None and asked.value is True
     return ManagedLocalizerNode() if managed else LocalizerNode()
 

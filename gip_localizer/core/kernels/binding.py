@@ -33,7 +33,7 @@ class Planes(ctypes.Structure):
 
 
 class Compared(ctypes.Structure):
-    """What of a view is compared with what of a map window, as compare.c says."""
+    """The parts of a view and of a map window that are compared, as in compare.c."""
 
     _fields_ = (
         ('templates', Planes), ('count', SIZE), ('rows', SIZE), ('cols', SIZE),

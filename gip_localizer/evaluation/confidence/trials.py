@@ -67,7 +67,7 @@ OWN_CAMERA = ('tiles', 'nadir')
 @dataclass(frozen=True)
 class ConfidenceTrial:
     """
-    What came of one start.
+    Result of one start.
 
     Attributes
     ----------

@@ -45,11 +45,11 @@ class Setup:
     ground : str
         Change of the world before it is mapped (a name of `grounds.GROUNDS`).
     map_noise : float
-        Standard deviation of what the map's cells are off, grey levels of [0, 1].
+        Standard deviation of the errors of the map's cells, grey levels of [0, 1].
     map_warp : float
         Root mean square (m) of a smooth displacement of what the map shows.
     miscalibration : Miscalibration
-        How far the localizer's calibration is off.
+        Errors of the localizer's calibration.
 
     """
 

@@ -34,7 +34,7 @@ _POINTS = 12
 
 @dataclass(frozen=True)
 class Miscalibration:
-    """How far the calibration is off what the camera is (m, rad, share of the focal length)."""
+    """Errors of the calibration (m, rad, share of the focal length)."""
 
     pitch: float = 0.0
     yaw: float = 0.0

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the protection level is worth: misleading information, and the Stanford diagram."""
+"""Test of the protection level: misleading information, and the Stanford diagram."""
 
 from __future__ import annotations
 

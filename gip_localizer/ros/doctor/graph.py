@@ -53,7 +53,7 @@ class StackGraph:
         self._executor.add_node(node)
 
     def spin(self, seconds: float) -> None:
-        """Take what comes for so long."""
+        """Process messages for a time (s)."""
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self._executor.spin_once(timeout_sec=TICK)

@@ -84,7 +84,7 @@ def _found(graph: StackGraph, asked: Asked) -> Observed:
 
 
 class _Ears:
-    """The subscriptions; what they hear is kept in an `Observed`."""
+    """The subscriptions; their messages are collected in an `Observed`."""
 
     def __init__(self, node: Node, seen: Observed) -> None:
         self._node, self._seen = node, seen
@@ -99,7 +99,7 @@ class _Ears:
                 self._hear(TFMessage, topic, self._on_transforms)
 
     def _hear(self, kind: Any, topic: str, use: Callable[[Any], None]) -> None:
-        """Subscribe so that every publisher is heard, whatever it offers."""
+        """Subscribe with a QoS that is compatible with every publisher."""
         listen_to_latched(self._node, kind, topic, use, QoSProfile(
             depth=KEPT, reliability=ReliabilityPolicy.BEST_EFFORT
         ))  # fmt: skip

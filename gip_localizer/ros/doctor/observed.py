@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What `gip doctor --topics` has heard of a running stack."""
+"""What `gip doctor --topics` has received from a running stack."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: gip_localizer contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Judges what comes to the localizer: images, calibration, odometry."""
+"""Checks of the inputs of the localizer: images, calibration, odometry."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def _apart(images_ns: list[int], odometry_ns: list[int]) -> float:
 
 
 def unheard(name: str, heard: Heard, seconds: float) -> Check | None:
-    """Return the failed check of a topic of which nothing was heard; None where it was."""
+    """Return the failed check of a topic without messages; None if there were any."""
     if not heard.publishers:
         others = ', '.join(heard.others[:3])
         remedy = f'remap: -r {name}:={heard.others[0]}' if heard.others else (

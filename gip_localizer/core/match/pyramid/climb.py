@@ -30,22 +30,22 @@ def climb_all(
 ) -> dict[Index, float]:
     """Climb from each place on the cells of the level; return all scored candidates."""
     make = partial(LocalScores, level, normalized=normalized, min_overlap=min_overlap)
-    probe = make() if level.window.size <= SMALL_WINDOW * math.prod(level.canvas.shape) else None
-    known: dict[Index, float] = probe.known if probe else {}
+    scores = make() if level.window.size <= SMALL_WINDOW * math.prod(level.canvas.shape) else None
+    known: dict[Index, float] = scores.known if scores else {}
     for place in places:
         done = place in known
         while not done:
-            near = probe or make(about=place, reach=REACH)
+            near = scores or make(about=place, reach=REACH)
             near.known = known
             place, done = _climb(near, place)
-            if near is not probe:
+            if near is not scores:
                 near.close()
-    if probe:
-        probe.close()
+    if scores:
+        scores.close()
     return known
 
 
-def _climb(probe: LocalScores, place: Index) -> tuple[Index, bool]:
+def _climb(scores: LocalScores, place: Index) -> tuple[Index, bool]:
     """
     Go to the best neighbour until none is better; in a flat valley, also to farther ones.
 
@@ -53,12 +53,12 @@ def _climb(probe: LocalScores, place: Index) -> tuple[Index, bool]:
 
     """
     for _ in range(MAX_CLIMB):
-        if not probe.holds(place):
+        if not scores.holds(place):
             return place, False
         before = place
-        place = probe.best_about(before)
-        if place == before and probe.is_shallow(place, SHALLOW):
-            place = probe.best_about(before, reach=2)
+        place = scores.best_about(before)
+        if place == before and scores.is_shallow(place, SHALLOW):
+            place = scores.best_about(before, reach=2)
         if place == before:
             break
     return place, True

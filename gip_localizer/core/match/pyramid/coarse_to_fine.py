@@ -177,10 +177,10 @@ def _descend(
     loose = OVERLAP_SLACK * min_overlap
     modes, depth = best_of_window(levels[0], normalized, loose, kept[0], within)
     for above, below in pairwise(levels[:-1]):
-        probe = LocalScores(below, normalized=normalized, min_overlap=loose)
-        probe.score(near for _, mode in modes for near in probe.box(_below(above, below, mode)))
-        probe.close()
-        modes = _best_known(probe, kept[1], WITHIN[1] * depth)
+        scores = LocalScores(below, normalized=normalized, min_overlap=loose)
+        scores.score(near for _, mode in modes for near in scores.box(_below(above, below, mode)))
+        scores.close()
+        modes = _best_known(scores, kept[1], WITHIN[1] * depth)
     above = levels[max(len(levels) - 2, 0)]
     return [(value, _below(above, levels[-1], mode)) for value, mode in modes], depth
 
@@ -203,9 +203,9 @@ def _winner(level: Level, index: Index, residual: float) -> Winner:
     return Winner(index, residual, level.lattice.pose(np.array(index, float)))
 
 
-def _best_known(probe: LocalScores, count: int, above: float) -> list[Mode]:
+def _best_known(scores: LocalScores, count: int, above: float) -> list[Mode]:
     """Return the modes among the scored candidates, at most `above` over the best of them."""
-    values = probe.known
+    values = scores.known
     order = sorted(values, key=lambda place: (values[place], place))[: CANDIDATES_PER_MODE * count]
     if not order or not np.isfinite(values[order[0]]):
         return []
