@@ -20,9 +20,9 @@ TIGHT_XY, TIGHT_YAW = 0.15, 0.03
 # between two modes, and the half step in heading of a lattice).
 NEAREST = np.array([0.15, 0.15, 0.0175])
 # Least fit score and largest overdispersion, as shares of those of the reference (no unit; design
-# choice: 0.8 and 1.5, because on a real road they change by up to 15 % and 40 % between frames,
-# and a fit 0.26 m off had 0.7 of the fit score).
-LEAST_SCORE, MOST_DISPERSION = 0.8, 1.5
+# choice: 0.9 and 1.5; with 0.8 the error under hard shadows grew by a quarter, and a fit 0.26 m
+# off had 0.7 of the fit score).
+LEAST_SCORE, MOST_DISPERSION = 0.9, 1.5
 
 
 class FitReference(NamedTuple):

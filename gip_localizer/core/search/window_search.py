@@ -63,7 +63,7 @@ class WindowSearch:
         self._scored, self._refine, self._refine_near = scored, refine, refine_near
         self._refine_uneven, self._uneven = refine_uneven, False
         self._expected = expected
-        self._near: Fit | None = None
+        self._found: Fit | None = None
         self._scores: list[Scores] = []
         self._hypotheses: list[Hypothesis] = []
         self._fits: dict[Hypothesis | Pose2, Fit] = {}
@@ -83,31 +83,42 @@ class WindowSearch:
         any(_is_clear_winner(self._fit(start)) for start in likely[:most])
 
     def find_expected(self) -> bool:
-        """Refine the best mode near its optimum; return whether it is the expected fit."""
+        """
+        Refine the best mode near its optimum; return whether it is the expected fit.
+
+        Otherwise the fit is kept if it is a clear winner, or the better one under uneven light.
+
+        """
         if not self._hypotheses or self._refine_near is None:
             return False
         start = self._hypotheses[0]
-        self._near = self._refine_near(start.pose, pitch=start.pitch)
-        return self._expected is not None and self._expected.is_met_by(self._near)
+        near = found = self._refine_near(start.pose, pitch=start.pitch)
+        if not self._is_expected(near):
+            found = self._with_better_light(near, start)
+            if not self._is_expected(found):
+                if _is_clear_winner(found) or found is not near:
+                    self._fits[start] = found
+                return False
+        self._found = found
+        return True
+
+    def _is_expected(self, fit: Fit) -> bool:
+        return self._expected is not None and self._expected.is_met_by(fit)
 
     def is_level(self) -> bool:
         """Return whether the best mode fits well with the camera near its calibrated pitch."""
         if not self._hypotheses:
             return False
         start = self._hypotheses[0]
-        if self._near is not None:
-            fit = self._with_better_light(self._near, start)
-            if _is_clear_winner(fit) or fit is not self._near:
-                self._fits[start] = fit
         fit = self._fit(start)
         level = bool(abs(fit.camera_motion[0]) < LEVEL_PITCH)
         return _is_clear_winner(fit) or (level and fit.fit_score > LEVEL_SCORE)
 
     def expected_result(self) -> SearchResult:
         """Return the result with the expected fit alone."""
-        assert self._near is not None
+        assert self._found is not None
         best = self._hypotheses[0]
-        return SearchResult(best.scores, best.surface, [self._near], compared=False)
+        return SearchResult(best.scores, best.surface, [self._found], compared=False)
 
     def result(self) -> SearchResult:
         """Refine a doubtful winner from both sides, and its competitors; return the result."""
