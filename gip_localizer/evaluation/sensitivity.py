@@ -80,6 +80,8 @@ class Figures:
         """Return the figures as they are in the table."""
         if self.faults:
             return 'exception'
+        if not self.published:
+            return 'no pose'
         return f'{1e3 * self.rmse_xy:.2f} mm, {self.nees:.2f}, {self.published:.0%}'
 
 
@@ -205,8 +207,11 @@ def _page(usual: Figures, rows: list[tuple[Constant, list[Figures]]]) -> str:
         'which no reported number uses). The columns give the root mean square error of the '
         'position, the mean NEES and the share of published poses. Without a change they are '
         f'{usual}.', '',
-        '"exception" means that this value is invalid: the frame was withheld with the status '
-        'FAULT. Constants of the search of the whole map '
+        'These frames show which constants matter; they are too few to choose values by. Where '
+        'more poses are published than without a change, the error includes a frame that is '
+        'otherwise withheld. "same": no figure changes. "no pose": every frame is withheld. '
+        '"exception": the value is invalid, and a frame ended with the status FAULT. '
+        'Constants of the search of the whole map '
         f'({", ".join(f"`{name}`" for name in WHOLE_MAP)}) and those that follow from equations '
         f'({", ".join(f"`{name}`" for name in GIVEN)}) are not changed.', '',
         f'{len(rows)} constants; for {sum(_without_effect(row, usual) for row in rows)} of them '
