@@ -15,7 +15,7 @@ READY = $(VENV)/.ready
 RESULTS = --out $(or $(OUT),results/$@) $(if $(OUT),,--force)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo replay evaluate bench paper params figures fit-confidence fit-protection error-level sensitivity test lint type pytest numpy fuzz soak clean
+.PHONY: help setup demo replay evaluate bench paper params figures fit-confidence fit-protection error-level sensitivity test docs lint type pytest numpy fuzz soak clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 24
@@ -70,6 +70,9 @@ error-level: $(READY) ## consistency of the covariances for settings of the erro
 
 sensitivity: $(READY) ## write docs/constants.md: the effect of each constant of matching (10 minutes)
 	@$(VENV)/bin/python -m gip_localizer.evaluation.sensitivity
+
+docs: $(READY) ## the documents as a site: results/site
+	@$(VENV)/bin/mkdocs build --strict --quiet && echo 'site: results/site/index.html'
 
 test: lint ## all checks; mypy runs in parallel with the tests
 	@$(MAKE) --no-print-directory --jobs=2 type pytest

@@ -40,6 +40,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
         (f'share/{PACKAGE}/config', files('config')),
+        (f'share/{PACKAGE}/config/presets', files('config/presets')),
         (f'share/{PACKAGE}/launch', files('launch', '*.py')),
         # pip puts entry points into bin/ only; ros2 looks here.
         (f'lib/{PACKAGE}', files('resource/executables')),
@@ -67,8 +68,11 @@ setup(
         ],
         # H.264 and H.265 images.
         'video': ['av'],
+        # The documents as a site.
+        'docs': ['mkdocs'],
         'test': [
             'av',
+            'mkdocs',
             'pytest',
             'pytest-xdist',
             'hypothesis',

@@ -3,6 +3,7 @@
 """With the pose of the camera, K and the map alone, each kind of vehicle gets exact poses."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from gip_localizer.core.camera.extrinsics import Extrinsics
 from gip_localizer.core.camera.model import CameraModel
 from gip_localizer.core.localizer import Localizer
 from gip_localizer.core.pose import Pose2
-from gip_localizer.parameters import Parameters
+from gip_localizer.parameters import load_parameter_file, Parameters
 
 FRAMES = 5
 START = np.diag([0.15**2, 0.15**2, 0.02**2])
@@ -25,12 +26,25 @@ def camera(width, height, focal, **held):
     return CameraModel(Calibration(width, height, K), Extrinsics(**held))
 
 
-CAMERAS = {
-    'car': camera(1280, 720, 900.0, z=1.5, pitch=0.26),
-    'small robot': camera(640, 480, 600.0, z=0.35, pitch=0.44),
-    'truck': camera(1280, 720, 900.0, z=2.5, pitch=0.26),
-    'nadir drone': camera(1280, 720, 700.0, z=8.0, pitch=0.5 * math.pi),
+LENSES = {
+    'car': (1280, 720, 900.0), 'small_robot': (640, 480, 600.0), 'truck': (1280, 720, 900.0),
+    'nadir': (1280, 720, 700.0),
 }
+PRESETS = Path(__file__).parents[1] / 'config' / 'presets'
+
+
+def preset(name):
+    """Return the camera of a preset, and its parameters."""
+    parameters = load_parameter_file(PRESETS / f'{name}.yaml')
+    held = parameters.camera
+    return camera(*LENSES[name], x=held.x, z=held.z, pitch=held.pitch), parameters
+
+
+def test_each_preset_is_a_parameter_file_whose_view_is_automatic():
+    files = sorted(path.stem for path in PRESETS.glob('*.yaml'))
+    assert files == sorted([*LENSES, 'fisheye'])
+    for name in files:
+        assert len(load_parameter_file(PRESETS / f'{name}.yaml').birdseye.automatic) == 4
 
 
 @pytest.fixture(scope='module')
@@ -38,10 +52,11 @@ def road():
     return Road(size=(64.0, 48.0))  # a truck's view reaches 20 m ahead
 
 
-@pytest.mark.parametrize('name', CAMERAS)
-def test_defaults_alone_give_poses_within_a_tenth_of_a_cell(road, name):
-    device, rng = CAMERAS[name], np.random.default_rng(11)
-    localizer = Localizer(road.map, Parameters())
+@pytest.mark.parametrize('name', LENSES)
+@pytest.mark.parametrize('given', ['defaults', 'preset'])
+def test_defaults_and_presets_give_poses_within_a_tenth_of_a_cell(road, name, given):
+    (device, parameters), rng = preset(name), np.random.default_rng(11)
+    localizer = Localizer(road.map, Parameters() if given == 'defaults' else parameters)
     errors = []
     for index, share in enumerate(np.linspace(0.3, 0.6, FRAMES)):
         truth, stamp = road.pose(share), (index + 1) * 10**9
