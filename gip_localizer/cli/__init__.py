@@ -17,6 +17,7 @@ from gip_localizer import __version__
 from gip_localizer.cli import (
     bench,
     build_map,
+    calibrate,
     check_calibration,
     compare,
     demo,
@@ -34,8 +35,8 @@ from gip_localizer.core.threads import use_one_library_thread
 from gip_localizer.errors import GipError
 
 VERBS = (
-    demo, doctor, simulate, import_folder, replay, compare, build_map, check_calibration, suggest,
-    evaluate, paper, params, bench,
+    demo, doctor, simulate, import_folder, replay, compare, build_map, calibrate,
+    check_calibration, suggest, evaluate, paper, params, bench,
 )
 INTERRUPTED = 130
 """Exit status after Ctrl-C: 128 plus the number of SIGINT, as shells report it."""

@@ -10,17 +10,16 @@ from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
+from gip_localizer.cli.known_poses import add_pose_options, known_poses
 from gip_localizer.parameters.yaml_files import user_path
 
 if TYPE_CHECKING:
     from gip_localizer.core.map.raster_map import RasterMap
     from gip_localizer.io.bags.bag import Bag
     from gip_localizer.io.bags.topics import Topics
-    from gip_localizer.io.trajectory import Trajectory
     from gip_localizer.mapping.mapped_drive import MappedDrive
     from gip_localizer.mapping.pose_check import PoseCheck, PoseCheckResult
     from gip_localizer.mapping.settings import MapBuilderSettings
-    from gip_localizer.parameters import Parameters
 
 DEFAULT_OUT = Path('results/map/map.yaml')
 EXAMPLES = """examples:
@@ -55,11 +54,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument('--resolution', type=float, metavar='M',
                         help='side of a cell (default: birdseye.resolution, or from the camera if '
                              'that is 0)')
-    poses = parser.add_argument_group('poses of base_link in the map frame')
-    one = poses.add_mutually_exclusive_group()
-    one.add_argument('--truth', '--ground-truth', metavar='TOPIC',
-                     help='topic of the bag (default: found by name, as /ground_truth)')
-    one.add_argument('--poses', type=user_path, metavar='FILE', help='TUM file')
+    poses = add_pose_options(parser)
     poses.add_argument('--max-gap', type=float, default=0.2, metavar='S',
                        help='longest time between two poses to interpolate (default: 0.2)')
     poses.add_argument('--no-pose-check', action='store_true',
@@ -106,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     parameters = recorded_parameters(args)
     window = BagWindow(args.start, args.duration)
     bag = Bag(args.bag)
-    topics, poses, notes = _poses(args, bag, parameters)
+    topics, poses, notes = known_poses(args, bag, parameters, 'build a map')
     parameters, said = mounted(bag, topics, without_masks(parameters))
     notes += [*said, *unused_at_the_desk(parameters)]
     resolution = args.resolution
@@ -127,29 +122,6 @@ def run(args: argparse.Namespace) -> int:
     print(format_table([*map_rows(drive, raster_map), *pose_rows(checked)]))
     print(f'\nmap: {args.out}, its picture: {args.out.with_suffix(".png")}')
     return 0
-
-
-def _poses(args: argparse.Namespace, bag: Bag,
-           parameters: Parameters) -> tuple[Topics, Trajectory, list[str]]:
-    """Return topics, poses and notes for the user."""
-    from gip_localizer.errors import TrajectoryError
-    from gip_localizer.io.bags.topics import choose_topics, TopicNames, TRUTH
-    from gip_localizer.io.bags.truth import read_truth
-    from gip_localizer.io.tum_files import read_tum
-
-    poses = None if args.poses is None else read_tum(args.poses)
-    named = TopicNames(args.image_topic, args.camera_info_topic, truth=args.truth)
-    topics = choose_topics(bag, named, find_truth=poses is None)
-    notes = list(topics.notes)
-    if poses is None:
-        poses, truth_notes = read_truth(bag, topics, parameters.frames.map)
-        notes += truth_notes
-    if poses is None:
-        raise TrajectoryError(
-            'the bag holds no poses to build a map with; give a TUM file with --poses, or a topic '
-            f'with --truth (types: {", ".join(TRUTH)})' + ''.join(f'\n  {n}' for n in notes)
-        )
-    return topics, poses, notes
 
 
 def _with_progress(drive: MappedDrive, settings: MapBuilderSettings, bag: Bag,

@@ -89,6 +89,7 @@ def _print_result(check: CalibrationCheck, pitch: float, out: Path) -> int:
     print(f'picture: {out}')
     if abs(excess) > BOUND + 2.0 * error:
         print('gip: the lane lines are not parallel: correct camera.pitch, or camera.z and the '
-              'lens if the grid in the picture does not fit the road', file=sys.stderr)
+              'lens if the grid in the picture does not fit the road; with a map and known '
+              'poses gip calibrate estimates the mounting pose', file=sys.stderr)
         return 1
     return 0

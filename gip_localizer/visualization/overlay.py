@@ -72,6 +72,15 @@ def camera_overlay(
     return np.asarray(picture, np.uint8)
 
 
+def outlines_at(
+    image: Grey, camera: CameraModel, raster_map: RasterMap, grid: Grid, pose: Pose2
+) -> Picture:
+    """Return the image (height, width, 3) with the map's outlines as seen from a known pose."""
+    picture = cv2.cvtColor(_eight_bits(image), cv2.COLOR_GRAY2BGR)
+    _draw_lines(picture, camera, map_outlines(raster_map, grid, pose), PUBLISHED)
+    return np.asarray(picture, np.uint8)
+
+
 def map_outlines(raster_map: RasterMap, grid: Grid, pose: Pose2) -> list[Points]:
     """
     Return the outlines of the bright areas in a window of the map.
