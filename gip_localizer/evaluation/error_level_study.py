@@ -10,6 +10,7 @@ and its covariance computed with each of the settings.
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator
 from dataclasses import replace
 import sys
@@ -40,6 +41,11 @@ Judged = tuple[Floats, list[Floats]]
 
 def main() -> int:
     """Print a table: mean NEES and share inside the 95 % ellipse by cause and option."""
+    argparse.ArgumentParser(
+        prog='make error-level',
+        description='Print the consistency of the covariances for settings of the error level, '
+                    'on development worlds. It takes ten minutes on one core.',
+    ).parse_args()
     use_one_thread()
     _write('', list(OPTIONS))
     for setup in SETUPS:

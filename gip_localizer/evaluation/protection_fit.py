@@ -12,6 +12,7 @@ the left share one distribution, since what separates them is the direction of t
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 import sys
 
@@ -36,6 +37,12 @@ TERMS = Path(protection_terms.__file__)
 
 def main() -> int:
     """Fit, print and write the tails."""
+    argparse.ArgumentParser(
+        prog='make fit-protection',
+        description='Fit the tails of the protection level to the errors of matches on '
+                    'development worlds, and write core/protection_terms.py. It takes ten minutes '
+                    'on one core.',
+    ).parse_args()
     use_one_thread()
     errors = np.array([
         normalized for setup in SETUPS if _yaw_is_exact(setup) for seed in SEEDS
