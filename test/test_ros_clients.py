@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from array import array
+from functools import partial
 from importlib.util import find_spec
 from itertools import cycle
 import os
@@ -348,10 +349,17 @@ def test_ctrl_c_amid_the_imports_is_quiet(tmp_path):
                'import sys; from gip_localizer.ros.entry import localizer; sys.exit(localizer())',
                '--ros-args', '-p', f'map_file:={raster_map}']
     log = tmp_path / 'log'
-    with log.open('w') as out, subprocess.Popen(command, stderr=out, env=os.environ) as process:
+    # A shell's `&` hands on an ignored SIGINT, which the node would respect.
+    listen = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    with log.open('w') as out:
+        process = subprocess.Popen(command, stderr=out, env=os.environ, preexec_fn=listen)
+    try:
         deadline = time.monotonic() + PATIENCE
         while 'numpy' not in log.read_text() and time.monotonic() < deadline:
             time.sleep(0.005)  # the import of rclpy and SciPy is still to come
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE) == 0
+    finally:
+        process.kill()
+        process.wait()
     assert 'Traceback' not in log.read_text()

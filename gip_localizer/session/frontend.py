@@ -152,6 +152,7 @@ class Frontend:
             return
         self._log.accept('camera_info')
         if changed:
+            self.report(f'calibration taken: {messages.calibration_text(message)}')
             # Precompute before the first frame; that frame reports any error.
             with contextlib.suppress(CalibrationError):
                 self.localizer.prepare(self._calibrated_camera())
