@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.interpolate import RectBivariateSpline
 
 from gip_localizer.core.arrays import Bools, Floats
 from gip_localizer.core.birdseye.grid import Grid
@@ -151,8 +152,6 @@ def _corner_rays(camera: CameraModel, box: PixelBox) -> tuple[Floats, Bools]:
     rays, valid = camera.rays(coarse)
     if camera.D.size == 0 or not valid.all():
         return camera.rays(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2))
-    from scipy.interpolate import RectBivariateSpline  # slow to import; a plain lens needs none
-
     planes = rays.reshape(len(steps_v), len(steps_u), 2)
     filled = [RectBivariateSpline(steps_v, steps_u, planes[..., k])(v, u) for k in (0, 1)]
     full = np.stack(filled, axis=-1).reshape(-1, 2)
